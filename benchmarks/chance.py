@@ -26,7 +26,7 @@ from skillplan.pipeline.setup import load_problem
 from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
 from skillplan.solvers.chance.replan import Replanning, orders_ahead
-from skillplan.solvers.chance.retries import retried
+from skillplan.solvers.chance.retries import assume_retries
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -115,7 +115,7 @@ def by_sets(task: Task, options: argparse.Namespace) -> dict[str, Any]:
 
 def answer_times(task: Task) -> dict[str, float]:
     """Return what an answer takes, first and on average over 200 roll-outs [ms], memory empty."""
-    model, certain = make_model(task), retried(task)
+    model, certain = make_model(task), assume_retries(task)
     ahead = orders_ahead(model, certain, 1_200_000, Stop())
     search = AdaptiveSearch(model, certain, Stop(), 10_000_000, ahead=ahead)
     timed = _Timed(Replanning(search, model, lookahead=True).get)

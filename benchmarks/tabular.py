@@ -18,7 +18,7 @@ from timing import against_baseline
 
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.pipeline.solving import make_model, make_solver
-from skillplan.solvers.mdp.label_setting import costs_to_go
+from skillplan.solvers.mdp.label_setting import compute_costs_to_go
 from skillplan_swarmitfix.base.locomotion import BaseGrounding
 from skillplan_swarmitfix.bench.bench import Bench
 
@@ -107,7 +107,7 @@ def lattices() -> None:
         times_s = []
         for _ in range(8):
             begin_s = time.perf_counter()
-            costs_to_go(offsets, successors, goal)
+            compute_costs_to_go(offsets, successors, goal)
             times_s.append(time.perf_counter() - begin_s)
         wall_s = statistics.median(times_s[1:])
         print(

@@ -231,8 +231,8 @@ TESTS = sorted(
 # folder of the face hides.
 DEEP_IMPORTS = {
     "skillplan.cli.writing",
-    "skillplan.domains.load._content_hash",
-    "skillplan.exporters.plan_table._text",
+    "skillplan.domains.load._hash_content",
+    "skillplan.exporters.plan_table._escape",
     "skillplan.judge.fast_downward",
     "skillplan.pipeline.obstacles",
     "skillplan.pipeline.solving",

@@ -13,12 +13,12 @@ from skillplan.collision import (
     TOUCH_M,
     NoPieces,
     Solid,
+    decompose,
     decomposition,
-    decomposition_of,
-    deepest_within,
-    depths,
-    outermost,
-    polyhedron_of,
+    make_polyhedron,
+    measure_deepest,
+    measure_depths,
+    measure_outermost,
 )
 from skillplan.task import Box, Cylinder, Pose
 
@@ -59,26 +59,26 @@ def test_what_overlaps_a_channel_overlaps_its_boxes(shape, x_m, y_m, z_m, turn):
 def test_points_are_as_deep_as_they_are_far_from_the_surface():
     """In the floor, in a wall, in between, and far away."""
     points = np.array([[0, 0, 0.001], [0.0485, 0, 0.03], [0, 0, 0.014], [0, 0, 0.5]])
-    result = depths(polyhedron_of(channel(), Pose(ORIGIN)), points)
+    result = measure_depths(make_polyhedron(channel(), Pose(ORIGIN)), points)
     assert result == pytest.approx([0.001, 0.0015, -0.01, -math.hypot(0.45, 0.046)], abs=1e-9)
 
 
 def test_of_points_the_outermost_outside_counts_however_deep_others_are():
     """The middle of the floor is deeper than the outer point is far away."""
-    surface = polyhedron_of(channel(), Pose(ORIGIN))
+    surface = make_polyhedron(channel(), Pose(ORIGIN))
     points = np.array([[0, 0, 0.001], [0, 0, 0.0025], [0, 0, -0.0005]])
-    assert outermost(surface, points) == pytest.approx(0.0005, abs=1e-9)
-    assert outermost(surface, points[:2]) == 0.0
+    assert measure_outermost(surface, points) == pytest.approx(0.0005, abs=1e-9)
+    assert measure_outermost(surface, points[:2]) == 0.0
 
 
 @given(st.lists(st.tuples(*[st.floats(-0.06, 0.06)] * 6), min_size=1, max_size=4))
 def test_the_deepest_point_of_edges_is_as_deep_as_that_of_many_points_on_them(ends):
     """Whatever bounds leave out; what is shallower than 0.2 mm counts as none."""
-    surface, edges = polyhedron_of(channel(), Pose(ORIGIN)), np.array(ends).reshape(-1, 2, 3)
+    surface, edges = make_polyhedron(channel(), Pose(ORIGIN)), np.array(ends).reshape(-1, 2, 3)
     shares = np.linspace(0, 1, 201)[:, None]
     points = np.concatenate([begin + shares * (end - begin) for begin, end in edges])
-    deepest = max(0.0, float(depths(surface, points).max()))
-    assert deepest - 2e-4 <= deepest_within(surface, edges) <= deepest + 5e-4
+    deepest = max(0.0, float(measure_depths(surface, points).max()))
+    assert deepest - 2e-4 <= measure_deepest(surface, edges) <= deepest + 5e-4
 
 
 @pytest.mark.slow(reason="many depths; other walls in every run")
@@ -101,7 +101,7 @@ class Provider:
 
     def __call__(self, corners, faces):
         self.asked += 1
-        created = [polyhedron_of(box, Pose(ORIGIN)) for box in self.pieces]
+        created = [make_polyhedron(box, Pose(ORIGIN)) for box in self.pieces]
         return [(item.corners, item.faces) for item in created]
 
 
@@ -111,7 +111,7 @@ def provided(monkeypatch, tmp_path):
 
     def install(provider):
         monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path))
-        decomposition._pieces_of.cache_clear()
+        decomposition._get_cache_slot.cache_clear()
         entry = EntryPoint("boxes", "nowhere:boxes", "skillplan.decomposition")
         listed = [] if provider is None else [entry]
         monkeypatch.setattr(decomposition, "list_decompositions", lambda: listed)
@@ -119,51 +119,51 @@ def provided(monkeypatch, tmp_path):
         return tmp_path / "pieces"
 
     yield install
-    decomposition._pieces_of.cache_clear()
+    decomposition._get_cache_slot.cache_clear()
 
 
 def test_pieces_are_made_once_and_kept_by_hash(provided):
     """In memory, and on disk; what is spoilt there is made again."""
     provider = Provider(channel_boxes())
     folder = provided(provider)
-    created = decomposition_of(channel())
+    created = decompose(channel())
     assert (3, 1) == (len(created.pieces), provider.asked)
     assert created.error_m < 1e-6
-    decomposition._pieces_of.cache_clear()
-    assert created == decomposition_of(channel())
+    decomposition._get_cache_slot.cache_clear()
+    assert created == decompose(channel())
     assert provider.asked == 1
     (kept,) = folder.iterdir()
     kept.write_text("{")
-    decomposition._pieces_of.cache_clear()
-    assert created == decomposition_of(channel())
+    decomposition._get_cache_slot.cache_clear()
+    assert created == decompose(channel())
     assert provider.asked == 2
     provider.version = "2"
-    decomposition._pieces_of.cache_clear()
-    decomposition_of(channel())
+    decomposition._get_cache_slot.cache_clear()
+    decompose(channel())
     assert (2, 3) == (len(list(folder.iterdir())), provider.asked)
 
 
 def test_a_line_announces_pieces_that_are_made_and_none_those_that_are_kept(provided, caplog):
     """With the name that the caller gives, and how many faces there are to take apart."""
     provided(Provider(channel_boxes()))
-    decomposition_of(channel(), "'case', mesh 2 of 9")
+    decompose(channel(), "'case', mesh 2 of 9")
     (line,) = caplog.messages
     assert line.startswith("skillplan: making convex pieces of 'case', mesh 2 of 9 (28 faces)")
-    decomposition._pieces_of.cache_clear()
-    decomposition_of(channel(), "'case', mesh 2 of 9")
+    decomposition._get_cache_slot.cache_clear()
+    decompose(channel(), "'case', mesh 2 of 9")
     assert caplog.messages == [line]
 
 
 def test_the_error_of_pieces_is_measured_both_ways(provided):
     """A block that fills the channel stands out of it, and one wall alone falls short."""
     provided(Provider([Box((0.10, 0.08, 0.05), (0.0, 0.0, 0.025))]))
-    filled = decomposition_of(channel())
+    filled = decompose(channel())
     assert filled.outside_m > 0.02
     assert filled.missing_m == 0
     floor = Provider(channel_boxes()[:1])
     floor.version = "floor"
     provided(floor)
-    short = decomposition_of(channel())
+    short = decompose(channel())
     assert short.missing_m == pytest.approx(0.046, abs=1e-6)
     assert short.outside_m == 0
 
@@ -172,9 +172,9 @@ def test_without_a_provider_or_with_a_broken_one_words_say_so(provided):
     """And what to install, or to do instead."""
     provided(None)
     with pytest.raises(NoPieces, match="Install skillplan-pinocchio, or split it"):
-        decomposition_of(channel())
+        decompose(channel())
     provider = Provider([])
     provider.version = "none"
     provided(provider)
     with pytest.raises(NoPieces, match="boxes could not take it apart"):
-        decomposition_of(channel())
+        decompose(channel())

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from skillplan.collision import TOUCH_M, Solid, covered
+from skillplan.collision import TOUCH_M, Solid, measure_union
 from skillplan.task import Box, Cylinder, Mesh, Pose
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -175,9 +175,9 @@ def test_an_area_that_two_shapes_cover_counts_once():
     """Two squares that overlap, one that touches, one apart."""
     square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
     moved = [tuple((x + dx, y + dy) for x, y in square) for dx, dy in ((1, 1), (2, 0), (9, 9))]
-    assert covered([square, moved[0]]) == pytest.approx(7)
-    assert covered([square, moved[1]]) == pytest.approx(8)
-    assert covered([square, moved[2]]) == pytest.approx(8)
+    assert measure_union([square, moved[0]]) == pytest.approx(7)
+    assert measure_union([square, moved[1]]) == pytest.approx(8)
+    assert measure_union([square, moved[2]]) == pytest.approx(8)
 
 
 def test_touching_within_the_tolerance_is_no_overlap():

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains import overridden
+from skillplan.domains import apply_changes
 from skillplan.errors import OptionError, TaskError
 from skillplan.files import parse
 from skillplan.pipeline import load_problem
@@ -50,17 +50,17 @@ class TestValues:
     )
     def test_a_value_is_yaml_at_a_path(self, document, key, text, value):
         """Mappings on the way are made where there are none."""
-        here: Any = overridden(document, {key: text}).data
+        here: Any = apply_changes(document, {key: text}).data
         for step in [step for step in key.split(".") if not step.isdigit()]:
             here = here[step]
         assert value == here
 
     def test_the_file_s_own_content_stays_as_it_is(self, document):
-        overridden(document, {"base.goals.0": "C1", "base.home": "C2"})
+        apply_changes(document, {"base.goals.0": "C1", "base.home": "C2"})
         assert {"home": "C66", "goals": ["C42", "C29"]} == document.data["base"]
 
     def test_without_changes_nothing_is_copied(self, document):
-        assert document is overridden(document, {})
+        assert document is apply_changes(document, {})
 
     def test_the_task_is_the_one_so_described(self, path):
         """Goal, start and hash; the same change written into the file gives the same."""
@@ -91,14 +91,14 @@ class TestFaults:
     )
     def test_a_change_that_does_not_fit_is_told(self, document, key, text, message):
         with pytest.raises(OptionError) as raised:
-            overridden(document, {key: text})
+            apply_changes(document, {key: text})
         assert message in str(raised.value)
         assert len(str(raised.value)) < 400
 
     def test_an_empty_list_has_no_index(self, tmp_path):
         document = parse("kind: swarmitfix\nbase: {goals: []}\n", "task.yaml")
         with pytest.raises(OptionError, match=r"base\.goals is an empty list"):
-            overridden(document, {"base.goals.0": "C1"})
+            apply_changes(document, {"base.goals.0": "C1"})
 
     def test_a_key_that_the_schema_does_not_know_is_its_fault(self, path):
         """Told like one of the file, with the nearest known key."""

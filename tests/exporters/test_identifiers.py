@@ -6,7 +6,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.exporters import Identifiers, quoted
+from skillplan.exporters import Identifiers, quote
 
 
 @given(st.lists(st.text(max_size=80), unique=True, max_size=20))
@@ -29,7 +29,7 @@ def test_names_that_become_the_same_are_numbered_in_order():
 @given(st.text())
 def test_a_quoted_name_stays_on_its_line_and_in_its_comment(name):
     """And is that name when it is read as JSON."""
-    text = quoted(name)
+    text = quote(name)
     assert text.isascii()
     assert text.isprintable()
     assert "*" not in text

@@ -25,7 +25,7 @@ from skillplan.exporters import (
     NoActionCosts,
     PddlExporter,
     PlanningTask,
-    scale_of,
+    choose_scale,
 )
 from skillplan.judge import fast_downward
 from skillplan.model import replay
@@ -227,16 +227,16 @@ class TestWhatPddlCannotSay:
     def test_costs_that_planners_add_up_wrongly(self):
         """They have 32 bits; whole numbers are handed over as they are."""
         with pytest.raises(NoActionCosts, match="32 bits"):
-            scale_of([200.5], "m", 20)
-        assert scale_of([3.0, 4.0], "", 20).exact
+            choose_scale([200.5], "m", 20)
+        assert choose_scale([3.0, 4.0], "", 20).exact
 
     @pytest.mark.parametrize("small", [4e-7, 1.9e-5])
     def test_costs_that_rounding_may_hide_unless_that_is_accepted(self, small):
         """Twenty skills may be off by ten microseconds, and two plans against each other by 20."""
         with pytest.raises(NoActionCosts, match=r"plans could change places.*accept_rounding=true"):
-            scale_of([1.5, small, 0.0], "s", 20)
-        assert not scale_of([1.5, small], "s", 20, accept_rounding=True).exact
-        assert not scale_of([1.5, 2.1e-5, 0.0], "s", 20).exact
+            choose_scale([1.5, small, 0.0], "s", 20)
+        assert not choose_scale([1.5, small], "s", 20, accept_rounding=True).exact
+        assert not choose_scale([1.5, 2.1e-5, 0.0], "s", 20).exact
 
 
 class TestFastDownward:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.exporters import COLUMNS, CsvExporter, Handover, read_cell
-from skillplan.exporters.plan_table import _text
+from skillplan.exporters.plan_table import _escape
 from skillplan.testing import hostile_task, solved_lid
 
 
@@ -53,4 +53,4 @@ def test_a_spreadsheet_computes_nothing_of_a_name():
 @given(st.text())
 def test_what_is_marked_is_read_back(text):
     """Whatever a name begins with."""
-    assert text == read_cell(_text(text))
+    assert text == read_cell(_escape(text))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly, fetching_board
-from skillplan.physics import LinearMotion, linear_motions
+from skillplan.physics import LinearMotion, plan_linear_motions
 from skillplan.task import (
     AXES,
     DOWN,
@@ -62,7 +62,7 @@ def task_with(visit: Visit) -> Task:
 def motion_of(visit: Visit, drop_height_m: float = 0.001) -> LinearMotion:
     task = task_with(visit)
     state = task.facts.of("held(bar)", "tool(gripper)", "at(home)")
-    (result,) = linear_motions(task, task.skill("place(bar)"), state, drop_height_m)
+    (result,) = plan_linear_motions(task, task.skill("place(bar)"), state, drop_height_m)
     return result
 
 
@@ -151,6 +151,6 @@ def test_a_bit_fetches_a_screw_by_its_head_that_stands_on_the_feeder(height_m, h
     """As parts stand on theirs: otherwise the head would be in whatever bears the feeder."""
     task = assembly(fetching_board(height_m, head_mm=(6.0, head_mm)))
     state = task.facts.of("placed(plate)", "hand_free", "tool(screwdriver)", "at(home)")
-    fetching, _ = linear_motions(task, task.skill("fasten(screw)"), state)
+    fetching, _ = plan_linear_motions(task, task.skill("fasten(screw)"), state)
     assert fetching.tip == pytest.approx((0.45, 0.25, height_m + head_mm / 1000))
     assert fetching.leaves_with == "screw"

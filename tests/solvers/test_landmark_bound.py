@@ -14,7 +14,7 @@ from situations import (
     small_tasks,
     two_roads_task,
 )
-from skillplan.solvers import COST_UNIT, LandmarkBound, from_units, to_units
+from skillplan.solvers import COST_UNIT, LandmarkBound, convert_from_units, convert_to_units
 from skillplan.task import Facts
 
 
@@ -34,7 +34,7 @@ def assert_admissible_and_consistent(task):
         for _, step_cost, target in leaving:
             further, more = bound(target)
             if further >= 0:
-                assert units <= to_units(step_cost) + further
+                assert units <= convert_to_units(step_cost) + further
                 assert length <= 1 + more
     return arrows, cost, bound
 
@@ -66,7 +66,7 @@ def test_it_never_exceeds_the_true_cost_to_go_on(situation, request):
 def test_it_is_not_idle(board_task):
     """At the start of the board it covers four fifths of the optimum and nearly all its skills."""
     units, length = LandmarkBound(board_task)(board_task.initial)
-    assert 0.8 * 1.86709 < from_units(units) <= 1.86709
+    assert 0.8 * 1.86709 < convert_from_units(units) <= 1.86709
     assert 14 <= length <= 15
 
 
@@ -76,7 +76,7 @@ def test_a_goal_out_of_reach_is_a_dead_end():
     skills = [make_skill(facts, "finish", requires=("a",), add=("done",))]
     task = make_task(facts, skills, goal=("done",))
     assert LandmarkBound(task)(task.initial) == (-1, 0)
-    assert LandmarkBound(task)(facts.of("a")) == (to_units(1.0), 1)
+    assert LandmarkBound(task)(facts.of("a")) == (convert_to_units(1.0), 1)
 
 
 def test_a_fact_with_several_makers_counts_what_they_have_in_common():
@@ -88,17 +88,17 @@ def test_a_fact_with_several_makers_counts_what_they_have_in_common():
         make_skill(facts, "right", requires=("gate",), add=("done",), cost=2.0),
     ]
     task = make_task(facts, skills, goal=("done",))
-    assert LandmarkBound(task)(task.initial) == (to_units(5.0), 1)
+    assert LandmarkBound(task)(task.initial) == (convert_to_units(5.0), 1)
 
 
 def test_what_only_one_skill_brings_about_is_a_landmark():
     """On two roads: the last step and nothing else."""
     task = two_roads_task()
-    assert LandmarkBound(task)(task.initial) == (to_units(1.0), 1)
+    assert LandmarkBound(task)(task.initial) == (convert_to_units(1.0), 1)
 
 
 @pytest.mark.parametrize("cost", [0.0, 1e-12, 0.1, 1.8670860141568904, 12345.678])
 def test_units_keep_twelve_digits(cost):
     """A cost survives the way to whole units and back."""
-    assert from_units(to_units(cost)) == pytest.approx(cost, rel=1e-12, abs=1e-12)
-    assert isinstance(to_units(cost), int)
+    assert convert_from_units(convert_to_units(cost)) == pytest.approx(cost, rel=1e-12, abs=1e-12)
+    assert isinstance(convert_to_units(cost), int)

@@ -13,7 +13,7 @@ from skillplan.model import TabularMDP
 from skillplan.pipeline import Setup, make_model, make_solver, solve
 from skillplan.records import Status
 from skillplan.solvers import Stop, compiled, random_bits
-from skillplan.solvers.mdp import learner_rewards
+from skillplan.solvers.mdp import build_rewards
 from skillplan.task import Facts
 from skillplan.testing import lid_task
 from swarm_situations import base_task, legs_of_table_3, minimal_starts
@@ -171,12 +171,12 @@ class TestPayments:
     def test_a_reward_scheme_is_paid_as_it_stands(self):
         model = make_model(base_task(66, 42))
         mdp = TabularMDP.from_model(model)
-        assert (learner_rewards(model, mdp, "reward").rewards == mdp.rewards).all()
+        assert (build_rewards(model, mdp, "reward").rewards == mdp.rewards).all()
 
     def test_costs_are_paid_with_a_bonus_that_no_plan_can_outweigh(self):
         model = make_model(lid_task())
         mdp = TabularMDP.from_model(model)
-        paid = learner_rewards(model, mdp, "reward")
+        paid = build_rewards(model, mdp, "reward")
         at_goal = mdp.goal[mdp.successors]
         assert (paid.rewards[~at_goal] == -mdp.costs[~at_goal]).all()
         bonus = paid.rewards[at_goal] + mdp.costs[at_goal]

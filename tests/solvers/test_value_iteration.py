@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.pipeline import Setup, make_model, solve
-from skillplan.solvers.mdp import ValueIterationSolver, costs_to_go
+from skillplan.solvers.mdp import ValueIterationSolver, compute_costs_to_go
 from skillplan.task import DistanceReward, Task
 from skillplan.testing import SolverSuite
 from skillplan_swarmitfix import Bench
@@ -90,8 +90,8 @@ def relaxed(rows, successors, goal, *weights):  # type: ignore[no-untyped-def]
 @settings(max_examples=examples(200))
 def test_label_setting_finds_the_least_costs_then_the_least_ties(graph) -> None:  # type: ignore[no-untyped-def]
     rows, successors, goal, costs, ties = graph
-    result = costs_to_go(rows, successors, goal, costs, ties)
-    costs_only = costs_to_go(rows, successors, goal, costs)
+    result = compute_costs_to_go(rows, successors, goal, costs, ties)
+    costs_only = compute_costs_to_go(rows, successors, goal, costs)
     minimum, least_tie = relaxed(rows, successors, goal, costs, ties)
     np.testing.assert_allclose(result.costs, minimum, atol=1e-9)
     np.testing.assert_allclose(result.ties, least_tie, atol=1e-9)
@@ -113,7 +113,7 @@ def test_on_a_lattice_it_counts_the_fewest_swings(rows, cols):
     goal = np.zeros(bench.n_positions, dtype=np.bool_)
     goal[bench.n_positions // 2] = True
     offsets = np.arange(bench.n_positions + 1) * bench.actions
-    costs = costs_to_go(offsets, bench.successors.ravel(), goal)
+    costs = compute_costs_to_go(offsets, bench.successors.ravel(), goal)
     assert (costs.costs == bench.distances(bench.n_positions // 2)).all()
 
 
@@ -141,7 +141,7 @@ def test_arrays_that_do_not_fit_are_refused(change, message: str) -> None:  # ty
         "goal": np.array([False, True]),
     }
     with pytest.raises(ValueError, match=message):
-        costs_to_go(**{**arrays, **change})
+        compute_costs_to_go(**{**arrays, **change})
 
 
 def test_a_large_number_of_rows_is_refused_by_name():
@@ -151,7 +151,7 @@ def test_a_large_number_of_rows_is_refused_by_name():
 
     successors = np.zeros(1, dtype=np.int32).view(Endless)
     with pytest.raises(ValueError, match="2,147,483,648 rows"):
-        costs_to_go(np.array([0, 2**31]), successors, np.array([False]))
+        compute_costs_to_go(np.array([0, 2**31]), successors, np.array([False]))
 
 
 def test_costs_that_differ_only_in_the_order_of_adding_tie():
@@ -161,8 +161,8 @@ def test_costs_that_differ_only_in_the_order_of_adding_tie():
     costs = np.array([0.1, 0.3, 0.2, 0.3, 0.2, 0.1])
     goal = np.array([False] * 5 + [True])
     slow_first = np.array([9.0, 1.0, 1.0, 1.0, 1.0, 1.0])
-    assert costs_to_go(rows, successors, goal, costs, slow_first).chosen[0] == 1
-    assert costs_to_go(rows, successors, goal, costs).chosen[0] == 0
+    assert compute_costs_to_go(rows, successors, goal, costs, slow_first).chosen[0] == 1
+    assert compute_costs_to_go(rows, successors, goal, costs).chosen[0] == 0
 
 
 def test_its_options_say_what_is_discounted():

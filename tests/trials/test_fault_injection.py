@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from example_count import examples
 from situations import assembly, config_content, crowded_assemblies
 from skillplan.collision import sweep_hits, world_boxes
-from skillplan.physics import grasp_of, linear_motions
+from skillplan.physics import choose_grasp, plan_linear_motions
 from skillplan.robots import FINGER_PROFILE_M, HAND_HALF_LENGTH_M, HAND_UNDERSIDE_M, TIP_M
 from skillplan.task import Body, Box, Event, GraspKind, Pose
 from skillplan.trials import (
@@ -54,12 +54,12 @@ def swept_by_hand(motion, grasp):
 
 def hits(trial, task):
     """Whether a block in the scene is hit by hand or part, coming down to where it acts."""
-    (motion,) = linear_motions(task, trial.skill, trial.state)
+    (motion,) = plan_linear_motions(task, trial.skill, trial.state)
     body = task.scene.body(motion.visit.subject)
     block = trial.task.scene.body(OBSTACLE)
     obstacles = world_boxes(block, block.placement(trial.state).pose)
     moving = []
-    grasp = grasp_of(body)
+    grasp = choose_grasp(body)
     if grasp.kind is GraspKind.JAWS:
         moving += swept_by_hand(motion, grasp)
     if motion.visit.event is Event.RELEASE:

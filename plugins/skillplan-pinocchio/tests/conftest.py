@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skillplan import load_problem
-from skillplan.physics import grasp_of
+from skillplan.physics import choose_grasp
 from skillplan.robots import panda
 from skillplan.task import Grasp, GraspKind
 
@@ -60,7 +60,7 @@ def gripping(regrasped):
         grasps = {
             body.name: Grasp(GraspKind.SUCTION, (0.0, 0.0, body.height_m))
             for body in task.scene.bodies
-            if body.name in task.operations and grasp_of(body).width_m > panda.OPENING_M
+            if body.name in task.operations and choose_grasp(body).width_m > panda.OPENING_M
         }
         return regrasped(task, **grasps)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.physics import straight_down
+from skillplan.physics import find_downward_ring
 from skillplan.pipeline import load_problem, obstacles, preview_problem
 from skillplan.robots import ARMS
 from skillplan.task import Robot
@@ -54,7 +54,7 @@ def assert_points_down_all_over(name: str, steps: int, turns: int) -> None:
     """A posture is found on a lattice over the ring's section, its borders included."""
     model, hand = ARMS[name]
     arm = ArmModel.of(Robot("arm", (0.0, 0.0, 0.0), 1.0, 0.2, {}, (), model, hand=hand))
-    ring = straight_down(model)
+    ring = find_downward_ring(model)
     assert ring is not None
     share = [number / steps for number in range(steps + 1)]
     for out, up, turn in itertools.product(share, share, range(turns)):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from concave_shapes import as_obj, channel, channel_boxes
 from skillplan import load_problem
-from skillplan.collision import decomposition_of
+from skillplan.collision import decompose
 from skillplan.task import Body, Box, Mesh, Pose
 from skillplan_pinocchio import SweptDetector, make_pieces, make_standing_pieces, measure_distance
 
@@ -53,7 +53,7 @@ def test_coacd_takes_a_channel_apart_and_says_how_well():
     corners, faces = np.array(mesh.corners), np.array(mesh.faces)
     first, other = convex_pieces(corners, faces), convex_pieces(corners, faces)
     assert [piece.tolist() for piece, _ in first] == [piece.tolist() for piece, _ in other]
-    decomposition = decomposition_of(mesh)
+    decomposition = decompose(mesh)
     assert 3 <= len(decomposition.pieces) <= 8
     assert decomposition.error_m < 5e-4
 

@@ -6,7 +6,7 @@ import coal
 import numpy as np
 import pytest
 
-from skillplan.physics import widest_m
+from skillplan.physics import find_opening_m
 from skillplan.robots import panda
 from skillplan.task import Box, Robot, Tool, ToolKind
 from skillplan_pinocchio import ConvexPiece, build_hand_parts
@@ -117,5 +117,5 @@ def test_without_a_tool_the_arm_ends_at_its_flange():
 @pytest.mark.parametrize(("opening_m", "expected"), [(None, 0.08), (0.05, 0.05), (0.2, 0.08)])
 def test_jaws_open_as_the_task_says_but_no_wider_than_the_hand(opening_m, expected):
     """80 mm at most."""
-    assert widest_m(Tool("gripper", "tool(gripper)", AT, opening_m=opening_m)) == expected
-    assert widest_m(None) == panda.OPENING_M
+    assert find_opening_m(Tool("gripper", "tool(gripper)", AT, opening_m=opening_m)) == expected
+    assert find_opening_m(None) == panda.OPENING_M

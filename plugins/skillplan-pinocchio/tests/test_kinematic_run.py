@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skillplan.physics import MotionPlans, linear_motions
+from skillplan.physics import MotionPlans, plan_linear_motions
 from skillplan_pinocchio import SweptDetector
 
 TENTH_OF_A_MM = 1e-4
@@ -59,7 +59,7 @@ def test_down_and_up_the_tip_is_within_a_tenth_of_a_millimetre_of_its_line(
     for skill in skills:
         lines = {
             linear_motion.visit.subject: linear_motion.approach[-2:]
-            for linear_motion in linear_motions(board, skill, states[skill.name], 0.001)
+            for linear_motion in plan_linear_motions(board, skill, states[skill.name], 0.001)
         }
         for sample in motion.samples:
             words, _, subject = sample.phase.rpartition(" ")

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly
-from skillplan.physics import linear_motions
+from skillplan.physics import plan_linear_motions
 from skillplan.task import Pose, Task, Verdict, cross, unit
 from skillplan_pinocchio import (
     ArmModel,
@@ -117,7 +117,7 @@ def test_the_tip_follows_the_stretches_of_the_motion():
     task = task_with()
     arm = ArmModel((0.0, 0.0, 0.0))
     state = task.facts.of(*PLACED)
-    (motion,) = linear_motions(task, task.skill("place(drawer)"), state, 0.001)
+    (motion,) = plan_linear_motions(task, task.skill("place(drawer)"), state, 0.001)
     iterate_stroke = next(
         item for item in iterate_strokes(arm, motion) if isinstance(item, Strokes)
     )

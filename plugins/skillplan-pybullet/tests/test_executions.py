@@ -9,7 +9,7 @@ import pytest
 
 from board_situations import imagined
 from situations import assembly, config_content
-from skillplan.physics import linear_motions
+from skillplan.physics import plan_linear_motions
 from skillplan.task import Body, Box, Cylinder, Mesh, VerdictStatus
 from skillplan_pinocchio import compute_mass_properties
 from skillplan_pybullet import PybulletEngine, SimulatedArm, SimulationSettings, World
@@ -125,7 +125,7 @@ class TestScrews:
     @pytest.mark.slow(reason="an execution; a driven screw in every run")
     def test_a_driven_screw_is_solid_for_the_robot_again(self, board):
         skill, state = imagined(board, "fasten(screw_1)")
-        (motion,) = linear_motions(board, skill, state)
+        (motion,) = plan_linear_motions(board, skill, state)
         settings = SimulationSettings()
         with World(settings.friction) as world:
             arm = SimulatedArm(world, board.scene.robots[0], settings)

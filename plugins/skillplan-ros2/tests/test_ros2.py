@@ -30,7 +30,7 @@ from skillplan.pipeline import (
 from skillplan.task import Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task, solved_lid
 from skillplan_pinocchio import SweptDetector
-from skillplan_ros2 import TEXT_TYPE, TRAJECTORY_TYPE, message_types
+from skillplan_ros2 import TEXT_TYPE, TRAJECTORY_TYPE, list_message_types
 from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -50,7 +50,7 @@ class TestRos2AsText(ExporterSuite):
 @pytest.mark.parametrize("name", [TEXT_TYPE, TRAJECTORY_TYPE])
 def test_messages_are_defined_as_ros_has_them(name):
     """By text and by the hash that tells a reader of another definition."""
-    own, known = message_types(), get_typestore(Stores.ROS2_HUMBLE)
+    own, known = list_message_types(), get_typestore(Stores.ROS2_HUMBLE)
     assert known.generate_msgdef(name) == own.generate_msgdef(name)
     assert known.hash_rihs01(name) == own.hash_rihs01(name)
 

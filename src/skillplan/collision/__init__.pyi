@@ -6,7 +6,7 @@ from .boxes import sweep_hits as sweep_hits
 from .boxes import world_box as world_box
 from .boxes import world_boxes as world_boxes
 from .decomposition import NoPieces as NoPieces
-from .decomposition import decomposition_of as decomposition_of
+from .decomposition import decompose as decompose
 from .detector import Detector as Detector
 from .hulls import Hull as Hull
 from .hulls import HullDetector as HullDetector
@@ -15,11 +15,11 @@ from .hulls import HullScene as HullScene
 from .precedence import PrecedenceDetector as PrecedenceDetector
 from .solid import TOUCH_M as TOUCH_M
 from .solid import Solid as Solid
-from .solid import covered as covered
-from .surface import deepest_within as deepest_within
-from .surface import depths as depths
-from .surface import outermost as outermost
-from .surface import polyhedron_of as polyhedron_of
+from .solid import measure_union as measure_union
+from .surface import make_polyhedron as make_polyhedron
+from .surface import measure_deepest as measure_deepest
+from .surface import measure_depths as measure_depths
+from .surface import measure_outermost as measure_outermost
 
 __all__ = [
     "TOUCH_M",
@@ -35,12 +35,12 @@ __all__ = [
     "WorldBox",
     "centroid",
     "contact_area",
-    "covered",
-    "decomposition_of",
-    "deepest_within",
-    "depths",
-    "outermost",
-    "polyhedron_of",
+    "decompose",
+    "make_polyhedron",
+    "measure_deepest",
+    "measure_depths",
+    "measure_outermost",
+    "measure_union",
     "sweep_hits",
     "world_box",
     "world_boxes",

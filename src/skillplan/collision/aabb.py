@@ -59,7 +59,7 @@ class _Load:
     lift_m: float
 
 
-def sweeps_of(
+def list_sweeps(
     scene: Scene,
     robot: Robot,
     place: Point,
@@ -78,9 +78,9 @@ def sweeps_of(
     for visit in visits:
         if visit.event is Event.DRIVE:
             carries = visit.subject
-        into, out = _stretches(scene, visit)
+        into, out = _find_stretches(scene, visit)
         load = _load(scene, visit, tool, carries)
-        yield from _comes(scene, visit, load, robot.safe_height_m, here, into)
+        yield from _sweep_approach(scene, visit, load, robot.safe_height_m, here, into)
         if visit.event in (Event.GRASP, Event.FETCH):
             carries = visit.subject
         elif visit.event in (Event.RELEASE, Event.DRIVE):
@@ -90,20 +90,20 @@ def sweeps_of(
         elif visit.event is Event.LOAD:
             tool = next(item for item in robot.tools if item.name == visit.subject)
         load = _load(scene, visit, tool, carries)
-        yield from _leaves(scene, visit, load, robot.safe_height_m, out)
+        yield from _sweep_retreat(scene, visit, load, robot.safe_height_m, out)
         x_m, y_m, z_m = plus(visit.position, out)
         here = (x_m, y_m, max(robot.safe_height_m, z_m))
 
 
 def hand_direction(scene: Scene, visit: Visit) -> Point:
     """Return the direction of the hand in the world at a visit."""
-    grasp = _grasp(scene, visit)
+    grasp = _get_grasp(scene, visit)
     if grasp is not None:
         return unit(visit.pose.rotate(grasp.approach))
     return visit.along if visit.event is Event.DRIVE else DOWN
 
 
-def _comes(
+def _sweep_approach(
     scene: Scene, visit: Visit, load: _Load, safe_height_m: float, here: Point, into: Point
 ) -> Iterator[Sweep]:
     """Yield the travel at safe height, the way down, and the insertion."""
@@ -111,26 +111,26 @@ def _comes(
     safe_m = max(safe_height_m, z_m - load.lift_m) + load.lift_m
     transfer: Point = (x_m - here[0], y_m - here[1], 0.0)
     at_height: Point = (here[0], here[1], safe_m)
-    yield from _moving(scene, "the travel", visit, load, at_height, transfer)
+    yield from _sweep_load(scene, "the travel", visit, load, at_height, transfer)
     down: Point = (0.0, 0.0, z_m - safe_m)
-    yield from _moving(scene, "the approach", visit, load, (x_m, y_m, safe_m), down)
+    yield from _sweep_load(scene, "the approach", visit, load, (x_m, y_m, safe_m), down)
     if any(into):
-        yield from _moving(scene, "the approach", visit, load, before, into)
+        yield from _sweep_load(scene, "the approach", visit, load, before, into)
 
 
-def _leaves(
+def _sweep_retreat(
     scene: Scene, visit: Visit, load: _Load, safe_height_m: float, out: Point
 ) -> Iterator[Sweep]:
     """Yield the retreat and the way up."""
     if any(out):
-        yield from _moving(scene, "the retreat", visit, load, visit.position, out)
+        yield from _sweep_load(scene, "the retreat", visit, load, visit.position, out)
     after = plus(visit.position, out)
     safe_m = max(safe_height_m, after[2] - load.lift_m) + load.lift_m
     up: Point = (0.0, 0.0, safe_m - after[2])
-    yield from _moving(scene, "the retreat", visit, load, after, up)
+    yield from _sweep_load(scene, "the retreat", visit, load, after, up)
 
 
-def _moving(
+def _sweep_load(
     scene: Scene, label: str, visit: Visit, load: _Load, origin: Point, by: Point
 ) -> Iterator[Sweep]:
     """Yield the sweeps of the carried body and of the tool on it."""
@@ -141,11 +141,13 @@ def _moving(
         yield Sweep(label, body.name, boxes, by, spares)
     if tool is not None and tool.envelope is not None:
         moved = plus(origin, visit.position, -1.0)
-        box = _about_tool(scene, visit, load, tool.envelope, moved)
+        box = _place_tool_box(scene, visit, load, tool.envelope, moved)
         yield Sweep(label, tool.name, (box,), by, spares)
 
 
-def _about_tool(scene: Scene, visit: Visit, load: _Load, envelope: Box, moved: Point) -> WorldBox:
+def _place_tool_box(
+    scene: Scene, visit: Visit, load: _Load, envelope: Box, moved: Point
+) -> WorldBox:
     """Return the box about the tool at a visit, displaced by a vector [m]."""
     body = load.body
     if body is None and visit.event in (Event.GRASP, Event.RELEASE, Event.FETCH):
@@ -161,7 +163,7 @@ def _about_tool(scene: Scene, visit: Visit, load: _Load, envelope: Box, moved: P
         tip = plus((visit.position[0], visit.position[1], top_m), moved)
         return world_box(envelope, tip)
     back: Point = (-points[0], -points[1], -points[2])
-    grasp = _grasp(scene, visit)
+    grasp = _get_grasp(scene, visit)
     held = visit.position if grasp is None else visit.pose.apply(grasp.tip)
     if body is not None:
         held = plus(held, back, body.reach_m(visit.pose, back) - dot(held, back))
@@ -177,19 +179,19 @@ def _load(scene: Scene, visit: Visit, tool: Tool | None, carries: str | None) ->
     return _Load(body, tool, visit.position[2] + body.reach_m(visit.pose, DOWN))
 
 
-def _stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
+def _find_stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
     """Return the straight stretches of the hand before and after it acts [m]."""
     none: Point = (0.0, 0.0, 0.0)
     if visit.event not in (Event.GRASP, Event.RELEASE, Event.DRIVE):
         return none, none
-    points, grasp = hand_direction(scene, visit), _grasp(scene, visit)
-    freed_m = _extent_m(scene, visit, points) + _STANDOFF_M
+    points, grasp = hand_direction(scene, visit), _get_grasp(scene, visit)
+    freed_m = _measure_extent_m(scene, visit, points) + _STANDOFF_M
     if visit.event is Event.GRASP:
         # The load is lifted straight up.
         return (none if is_same_direction(points, DOWN) else plus(none, points, freed_m)), none
     if is_same_direction(visit.along, DOWN):
         return none, none
-    length_m = visit.insert_m or _extent_m(scene, visit, visit.along) + _STANDOFF_M
+    length_m = visit.insert_m or _measure_extent_m(scene, visit, visit.along) + _STANDOFF_M
     into = plus(none, visit.along, length_m)
     # Jaws that close along the insertion cannot retreat along it, because the part is between them.
     if grasp is not None and grasp.kind is GraspKind.JAWS:
@@ -199,13 +201,13 @@ def _stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
     return into, plus(none, visit.along, -length_m)
 
 
-def _extent_m(scene: Scene, visit: Visit, direction: Point) -> float:
+def _measure_extent_m(scene: Scene, visit: Visit, direction: Point) -> float:
     """Return the extent of the handled body along a direction [m]."""
     body, back = scene.body(visit.subject), (-direction[0], -direction[1], -direction[2])
     return body.reach_m(visit.pose, direction) + body.reach_m(visit.pose, back)
 
 
-def _grasp(scene: Scene, visit: Visit) -> Grasp | None:
+def _get_grasp(scene: Scene, visit: Visit) -> Grasp | None:
     if visit.event not in (Event.GRASP, Event.RELEASE):
         return None
     return visit.grasp or scene.body(visit.subject).grasp
@@ -301,13 +303,13 @@ class AabbDetector(Detector):
     def refuses(self) -> str | None:
         """Refuse bodies and directions oblique to the axes, whose boxes are too large."""
         for body, placement, _ in self._placed:
-            turned = _off_axes(placement.pose)
+            turned = _describe_rotation(placement.pose)
             if turned is not None:
                 return (
                     f"its boxes are parallel to the axes, and {body.name!r} is turned by "
                     f"{turned} where {placement.fact} holds. Take swept, or turn it by quarters"
                 )
-        for skill, visit in _visits(self.task):
+        for skill, visit in _list_visits(self.task):
             hand = hand_direction(self.task.scene, visit)
             for direction, does in ((visit.along, "goes"), (hand, "is held")):
                 if not _is_axis(direction):
@@ -320,7 +322,7 @@ class AabbDetector(Detector):
 
     def _cannot_judge_support(self) -> str | None:
         """Refuse supports by round or slanted faces, which boxes cannot represent."""
-        for skill, visit in _visits(self.task):
+        for skill, visit in _list_visits(self.task):
             if visit.event is Event.GRASP:
                 continue
             for ground in self._grounds((visit,)):
@@ -407,7 +409,7 @@ class AabbDetector(Detector):
         if swept is None:
             visits = skill.motion.visits(state)
             sweeps = tuple(
-                sweeps_of(self.task.scene, robot, place, tool, visits, skill.motion.carries)
+                list_sweeps(self.task.scene, robot, place, tool, visits, skill.motion.carries)
             )
             swept = _SweptMotion(
                 present,
@@ -467,7 +469,7 @@ class AabbDetector(Detector):
             yield _Ground(body.name, on_table, centroid(boxes), tuple(contacts))
 
 
-def _off_axes(pose: Pose) -> str | None:
+def _describe_rotation(pose: Pose) -> str | None:
     """Return the rotation of a pose in degrees, unless it is by quarters."""
     if pose.is_upright:
         yaw_rad = pose.yaw_rad
@@ -496,7 +498,7 @@ def _overlap(box: WorldBox, other: WorldBox) -> bool:
     )
 
 
-def _visits(task: Task) -> Iterator[tuple[str, Visit]]:
+def _list_visits(task: Task) -> Iterator[tuple[str, Visit]]:
     """Yield every visit of a task that handles a body, with the name of its skill."""
     for skill in task.skills:
         motions = [way.motion for way in skill.ways]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.collision.surface import Floats, outermost, polyhedron_of
+from skillplan.collision.surface import Floats, make_polyhedron, measure_outermost
 from skillplan.errors import PluginError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.folder import get_cache_folder
@@ -59,7 +59,7 @@ class Decomposition:
         return max(self.outside_m, self.missing_m)
 
 
-def decomposition_of(mesh: Mesh, label: str = "a mesh") -> Decomposition:
+def decompose(mesh: Mesh, label: str = "a mesh") -> Decomposition:
     """Return the convex pieces of a mesh, from the user's cache or newly made.
 
     New pieces take seconds to minutes, which a line on stderr announces. A plugin makes them: a
@@ -72,19 +72,19 @@ def decomposition_of(mesh: Mesh, label: str = "a mesh") -> Decomposition:
     NoPieces
         If no plugin is installed, or it raises or returns invalid pieces.
     """
-    pieces = _pieces_of(mesh)
+    pieces = _get_cache_slot(mesh)
     if not pieces:
-        pieces.append(_kept_or_made(mesh, label))
+        pieces.append(_load_or_make(mesh, label))
     return pieces[0]
 
 
 @lru_cache(maxsize=64)
-def _pieces_of(mesh: Mesh) -> list[Decomposition]:
+def _get_cache_slot(mesh: Mesh) -> list[Decomposition]:
     """Return the cached list for the pieces of a mesh, empty until they are known."""
     return []
 
 
-def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
+def _load_or_make(mesh: Mesh, label: str) -> Decomposition:
     entry = next(
         iter(sorted(list_decompositions(), key=lambda decomposition: decomposition.name)), None
     )
@@ -93,8 +93,8 @@ def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
             "it is not convex, and nothing here takes it apart. Install skillplan-pinocchio, or "
             "split it into convex pieces, one entry of 'meshes' each"
         )
-    path = get_cache_folder() / "pieces" / f"{_key(mesh, entry)}.json"
-    kept = _kept(path)
+    path = get_cache_folder() / "pieces" / f"{_compute_key(mesh, entry)}.json"
+    kept = _load_cached(path)
     if kept is not None:
         return kept
     # logging prints warnings on stderr by default.
@@ -104,32 +104,32 @@ def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
         f"{len(mesh.faces):,}",
     )
     try:
-        new_pieces = _measured(mesh, _made(mesh, entry))
+        new_pieces = _measure(mesh, _make_pieces(mesh, entry))
     except Exception as error:
         # Plugins may raise any exception.
         raise NoPieces(f"{entry.name} could not take it apart: {error!r}") from error
     # Pieces that cannot be cached are made again.
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, json.dumps(_document(new_pieces)))
+        write_whole(path, json.dumps(_build_document(new_pieces)))
     return new_pieces
 
 
 @lru_cache(maxsize=64)
-def given_decomposition(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
+def measure_given(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
     """Return measured convex pieces from a task file."""
-    return _measured(mesh, pieces)
+    return _measure(mesh, pieces)
 
 
-def _key(mesh: Mesh, entry: EntryPoint) -> str:
+def _compute_key(mesh: Mesh, entry: EntryPoint) -> str:
     """Return a hash of everything that affects the pieces."""
     distribution = "" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
-    version = getattr(_loaded(entry), "version", "")
+    version = getattr(_load_plugin(entry), "version", "")
     parts = [entry.value, distribution, version, repr(mesh.corners), repr(mesh.faces), _SAMPLES]
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
-def _loaded(entry: EntryPoint) -> Any:
+def _load_plugin(entry: EntryPoint) -> Any:
     try:
         return entry.load()
     except Exception as error:
@@ -139,16 +139,18 @@ def _loaded(entry: EntryPoint) -> Any:
         ) from error
 
 
-def _made(mesh: Mesh, entry: EntryPoint) -> tuple[Mesh, ...]:
+def _make_pieces(mesh: Mesh, entry: EntryPoint) -> tuple[Mesh, ...]:
     corners, faces = np.array(mesh.corners, dtype=float), np.array(mesh.faces, dtype=np.int64)
-    surfaces: Iterable[tuple[Any, Any]] = _loaded(entry)(corners, faces)
-    pieces = tuple(_piece(np.asarray(own, dtype=float), np.asarray(of)) for own, of in surfaces)
+    surfaces: Iterable[tuple[Any, Any]] = _load_plugin(entry)(corners, faces)
+    pieces = tuple(
+        _build_piece(np.asarray(own, dtype=float), np.asarray(of)) for own, of in surfaces
+    )
     if not pieces:
         raise ValueError("it returned no piece")
     return pieces
 
 
-def _piece(corners: Floats, faces: Any) -> Mesh:
+def _build_piece(corners: Floats, faces: Any) -> Mesh:
     a, b, c = (corners[faces[:, i]] for i in range(3))
     if float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) < 0:
         faces = faces[:, ::-1]
@@ -159,20 +161,22 @@ def _piece(corners: Floats, faces: Any) -> Mesh:
     )
 
 
-def _measured(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
-    whole = polyhedron_of(mesh, _STILL)
-    parts = [polyhedron_of(piece, _STILL) for piece in pieces]
-    outer = np.concatenate([_samples(part.triangles, _SAMPLES // len(parts)) for part in parts])
-    own = _samples(whole.triangles, _SAMPLES)
+def _measure(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
+    whole = make_polyhedron(mesh, _STILL)
+    parts = [make_polyhedron(piece, _STILL) for piece in pieces]
+    outer = np.concatenate(
+        [_sample_surface(part.triangles, _SAMPLES // len(parts)) for part in parts]
+    )
+    own = _sample_surface(whole.triangles, _SAMPLES)
     reached = np.full(len(own), -np.inf)
     for part in parts:
         normals, offsets = part.planes
         reached = np.maximum(reached, (offsets - own @ normals.T).min(axis=1))
     missing_m = max(0.0, -float(reached.min()))
-    return Decomposition(pieces, round(outermost(whole, outer), 7), round(missing_m, 7))
+    return Decomposition(pieces, round(measure_outermost(whole, outer), 7), round(missing_m, 7))
 
 
-def _samples(triangles: Floats, count: int) -> Floats:
+def _sample_surface(triangles: Floats, count: int) -> Floats:
     """Return evenly spread points on triangles: corners, and `count` points in between."""
     a, b, c = (triangles[:, i] for i in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
@@ -180,14 +184,14 @@ def _samples(triangles: Floats, count: int) -> Floats:
     # Halton sequence in bases 2 and 3: the same points in every run.
     numbers = np.arange(1, count + 1)
     which = np.minimum(np.searchsorted(steps, (numbers - 0.5) / count), len(triangles) - 1)
-    u, v = _halton(numbers, 2), _halton(numbers, 3)
+    u, v = _draw_halton(numbers, 2), _draw_halton(numbers, 3)
     over = u + v > 1
     u, v = np.where(over, 1 - u, u)[:, None], np.where(over, 1 - v, v)[:, None]
     inner = a[which] + u * (b - a)[which] + v * (c - a)[which]
     return np.concatenate([triangles.reshape(-1, 3)[:count], inner])
 
 
-def _halton(numbers: Any, base: int) -> Floats:
+def _draw_halton(numbers: Any, base: int) -> Floats:
     values, share, rest = np.zeros(len(numbers)), 1.0, numbers.copy()
     while rest.any():
         share /= base
@@ -196,7 +200,7 @@ def _halton(numbers: Any, base: int) -> Floats:
     return values
 
 
-def _document(decomposition: Decomposition) -> dict[str, Any]:
+def _build_document(decomposition: Decomposition) -> dict[str, Any]:
     pieces = [{"corners": piece.corners, "faces": piece.faces} for piece in decomposition.pieces]
     return {
         "pieces": pieces,
@@ -205,7 +209,7 @@ def _document(decomposition: Decomposition) -> dict[str, Any]:
     }
 
 
-def _kept(path: Path) -> Decomposition | None:
+def _load_cached(path: Path) -> Decomposition | None:
     """Return the pieces in a file; None if it is missing or damaged."""
     try:
         document = parse_json(read_bytes(path, _MOST_BYTES))

@@ -34,16 +34,16 @@ def area(polygon: Sequence[Planar]) -> float:
     )
 
 
-def intersection(polygon: Sequence[Planar], other: Sequence[Planar]) -> Polygon:
+def intersect(polygon: Sequence[Planar], other: Sequence[Planar]) -> Polygon:
     """Return the intersection of two convex polygons (Sutherland and Hodgman); may be empty."""
     left = list(polygon)
     for begin, end in _sides(other):
         dx, dy = end[0] - begin[0], end[1] - begin[1]
-        left = below(left, (dy, -dx), dy * begin[0] - dx * begin[1])
+        left = clip_below(left, (dy, -dx), dy * begin[0] - dx * begin[1])
     return tuple(left) if len(left) > 2 else ()
 
 
-def below(polygon: Sequence[Planar], normal: Planar, offset: float) -> list[Planar]:
+def clip_below(polygon: Sequence[Planar], normal: Planar, offset: float) -> list[Planar]:
     """Return the part of a convex polygon with normal . point <= offset."""
     beyond = [normal[0] * x + normal[1] * y - offset for x, y in polygon]
     kept: list[Planar] = []
@@ -60,7 +60,7 @@ def below(polygon: Sequence[Planar], normal: Planar, offset: float) -> list[Plan
     return kept
 
 
-def overlap(first: Sequence[Planar], other: Sequence[Planar]) -> float:
+def measure_overlap(first: Sequence[Planar], other: Sequence[Planar]) -> float:
     """Return the least shift that separates two convex polygons (separating axes).
 
     It is negative if they are disjoint.
@@ -79,7 +79,7 @@ def overlap(first: Sequence[Planar], other: Sequence[Planar]) -> float:
     return depth
 
 
-def inwards(polygon: Sequence[Planar], point: Planar) -> float:
+def measure_inwards(polygon: Sequence[Planar], point: Planar) -> float:
     """Return the distance of a point from the border of a convex polygon; negative outside."""
     distance, inside = math.inf, True
     for begin, end in _sides(polygon):
@@ -91,24 +91,27 @@ def inwards(polygon: Sequence[Planar], point: Planar) -> float:
     return distance if inside else -distance
 
 
-def covered(polygons: Sequence[Sequence[Planar]]) -> float:
+def measure_union(polygons: Sequence[Sequence[Planar]]) -> float:
     """Return the area of the union of convex polygons."""
     if len(polygons) < 2:
         return sum(area(polygon) for polygon in polygons)
     sides = [side for polygon in polygons for side in _sides(polygon)]
     stops = {corner[0] for polygon in polygons for corner in polygon}
     stops |= {
-        x for i, first in enumerate(sides) for other in sides[:i] for x in _crossing(first, other)
+        x
+        for i, first in enumerate(sides)
+        for other in sides[:i]
+        for x in _find_crossing(first, other)
     }
     ordered = sorted(stops)
     # No sides cross between two stops, so the covered length changes linearly.
     return sum(
-        (right - left) * _covered_at(polygons, (left + right) / 2)
+        (right - left) * _measure_union_at(polygons, (left + right) / 2)
         for left, right in pairwise(ordered)
     )
 
 
-def _covered_at(polygons: Sequence[Sequence[Planar]], x: float) -> float:
+def _measure_union_at(polygons: Sequence[Sequence[Planar]], x: float) -> float:
     spans = []
     for polygon in polygons:
         ys = [
@@ -125,7 +128,7 @@ def _covered_at(polygons: Sequence[Sequence[Planar]], x: float) -> float:
     return total
 
 
-def _crossing(side: tuple[Planar, Planar], other: tuple[Planar, Planar]) -> Iterator[float]:
+def _find_crossing(side: tuple[Planar, Planar], other: tuple[Planar, Planar]) -> Iterator[float]:
     (ax, ay), (bx, by) = side
     (cx, cy), (dx, dy) = other
     across = (bx - ax) * (dy - cy) - (by - ay) * (dx - cx)
@@ -197,11 +200,11 @@ class Prism:
     def beside_m(self, other: Prism) -> float:
         """Return the least planar shift that separates two prisms [m]; negative if disjoint."""
         if self.outline and other.outline:
-            return overlap(self.outline, other.outline)
+            return measure_overlap(self.outline, other.outline)
         if self.outline:
-            return other.radius_m + inwards(self.outline, other.centre)
+            return other.radius_m + measure_inwards(self.outline, other.centre)
         if other.outline:
-            return self.radius_m + inwards(other.outline, self.centre)
+            return self.radius_m + measure_inwards(other.outline, self.centre)
         return self.radius_m + other.radius_m - math.dist(self.centre, other.centre)
 
     def depth_m(self, other: Prism) -> float:
@@ -212,15 +215,15 @@ class Prism:
     def holds(self, x_m: float, y_m: float) -> bool:
         """Return True if a point of the plane is in the outline or on the rim."""
         if self.outline:
-            return inwards(self.outline, (x_m, y_m)) >= -_RIM_M
+            return measure_inwards(self.outline, (x_m, y_m)) >= -_RIM_M
         return math.dist(self.centre, (x_m, y_m)) <= self.radius_m + _RIM_M
 
     def shared(self, other: Prism) -> Polygon:
         """Return the intersection of both outlines."""
-        return intersection(self.face, other.face)
+        return intersect(self.face, other.face)
 
 
-def prism_of(shape: Shape, pose: Pose) -> Prism | None:
+def make_prism(shape: Shape, pose: Pose) -> Prism | None:
     """Return a shape at a pose as an upright prism, or None if it is another shape."""
     if not isinstance(shape, Box | Cylinder):
         return None
@@ -253,19 +256,19 @@ def prism_of(shape: Shape, pose: Pose) -> Prism | None:
 _ROUNDING_M = 1e-9
 
 
-def centre_of(shapes: Sequence[Shape], pose: Pose) -> Planar:
+def find_centre(shapes: Sequence[Shape], pose: Pose) -> Planar:
     """Return the centre of volume of shapes at a pose, seen from above [m].
 
     Overlaps of shapes count several times.
     """
-    measured = [_volume(shape) for shape in shapes]
+    measured = [_measure_volume(shape) for shape in shapes]
     total = sum(volume for volume, _ in measured)
     x, y, z = (sum(volume * at[i] for volume, at in measured) / total for i in range(3))
     placed = pose.apply((x, y, z))
     return placed[0], placed[1]
 
 
-def stands(centre: Planar, corners: Iterable[Planar]) -> bool:
+def is_supported(centre: Planar, corners: Iterable[Planar]) -> bool:
     """Return True if a point lies within the convex hull of other points."""
     angles = []
     for x, y in corners:
@@ -280,16 +283,16 @@ def stands(centre: Planar, corners: Iterable[Planar]) -> bool:
     return max(b - a for a, b in pairwise(around)) <= math.pi + _ROUNDING_M
 
 
-def _volume(shape: Shape) -> tuple[float, Point]:
+def _measure_volume(shape: Shape) -> tuple[float, Point]:
     """Return the volume of a shape [m3] and its centre [m]."""
     if isinstance(shape, Box):
         return math.prod(shape.size), shape.centre
     if isinstance(shape, Cylinder):
         return math.pi / 4 * shape.diameter_m**2 * shape.height_m, shape.centre
-    return _volume_within(shape)
+    return _measure_mesh_volume(shape)
 
 
-def _volume_within(mesh: Mesh) -> tuple[float, Point]:
+def _measure_mesh_volume(mesh: Mesh) -> tuple[float, Point]:
     total, x, y, z = 0.0, 0.0, 0.0, 0.0
     for face in mesh.faces:
         a, b, c = (mesh.corners[index] for index in face)
@@ -315,32 +318,32 @@ class Piece:
 
     def __init__(self, shape: Shape, pose: Pose) -> None:
         self._shape, self._pose = shape, pose
-        self.prism: Prism | None = prism_of(shape, pose)
+        self.prism: Prism | None = make_prism(shape, pose)
 
     @cached_property
     def box(self) -> WorldBox:
         """Smallest upright box about the shape, exactly."""
-        return _box_about(self._shape, self._pose)
+        return _find_box(self._shape, self._pose)
 
     @cached_property
     def surface(self) -> Polyhedron:
         """Surface of the shape."""
         # Imports numpy, which boards of upright boxes and cylinders do not need.
-        from skillplan.collision.surface import polyhedron_of
+        from skillplan.collision.surface import make_polyhedron
 
-        return polyhedron_of(self._shape, self._pose)
+        return make_polyhedron(self._shape, self._pose)
 
     def height_above_m(self, lower: Piece, at_least_m: float) -> float:
         """Return the gap to fall onto another piece [m]; infinity if it is not above it."""
-        if not _over(self.box, lower.box):
+        if not _is_over(self.box, lower.box):
             return math.inf
         if self.prism is None or lower.prism is None:
-            from skillplan.collision.surface import height_above
+            from skillplan.collision.surface import measure_gap
 
             if not (self.surface.convex and lower.surface.convex):
-                return height_above(self.surface, lower.surface, at_least_m)
+                return measure_gap(self.surface, lower.surface, at_least_m)
             # A convex piece is above or below as a whole.
-            height_m = height_above(self.surface, lower.surface)
+            height_m = measure_gap(self.surface, lower.surface)
             return height_m if height_m >= at_least_m else math.inf
         # Walls that touch or nearly touch do not bear.
         grazing_m = min(TOUCH_M, self.prism.width_m / 4, lower.prism.width_m / 4)
@@ -350,22 +353,22 @@ class Piece:
 
     def depth_m(self, other: Piece) -> float:
         """Return the penetration depth in another piece [m]; 0 if they are disjoint."""
-        if not _meet(self.box, other.box, TOUCH_M):
+        if not _has_overlap(self.box, other.box, TOUCH_M):
             return 0.0
         if self.prism is None or other.prism is None:
-            from skillplan.collision.surface import depth_m
+            from skillplan.collision.surface import measure_depth_m
 
-            return depth_m(self.surface, other.surface)
+            return measure_depth_m(self.surface, other.surface)
         return max(0.0, self.prism.depth_m(other.prism))
 
     def touching(self, lower: Piece) -> Iterator[Polygon]:
         """Yield the contact areas on another piece, seen from above."""
-        if not _over(self.box, lower.box):
+        if not _is_over(self.box, lower.box):
             return
         if self.prism is None or lower.prism is None:
-            from skillplan.collision.surface import touching
+            from skillplan.collision.surface import find_contacts
 
-            yield from touching(self.surface, lower.surface, TOUCH_M)
+            yield from find_contacts(self.surface, lower.surface, TOUCH_M)
         elif abs(self.prism.low_m - lower.prism.high_m) <= TOUCH_M:
             shared = self.prism.shared(lower.prism)
             if shared:
@@ -374,9 +377,9 @@ class Piece:
     def top_m(self, x_m: float, y_m: float) -> float | None:
         """Return the height of the highest surface at a point in plan [m], or None."""
         if self.prism is None:
-            from skillplan.collision.surface import top_at
+            from skillplan.collision.surface import find_top
 
-            return top_at(self.surface, x_m, y_m)
+            return find_top(self.surface, x_m, y_m)
         return self.prism.high_m if self.prism.holds(x_m, y_m) else None
 
 
@@ -419,16 +422,16 @@ class Solid:
 
     def narrowed_fall_m(self, lower: Solid, by_m: float) -> float:
         """Return the distance to fall with walls shifted inwards by a length [m], or infinity."""
-        from skillplan.collision.surface import narrowed_height_above
+        from skillplan.collision.surface import measure_narrowed_gap
 
         return min(
-            narrowed_height_above(piece.surface, two.surface, by_m)
+            measure_narrowed_gap(piece.surface, two.surface, by_m)
             for piece, two in product(self.pieces, lower.pieces)
         )
 
     def depth_m(self, other: Solid) -> float:
         """Return the penetration depth of the deepest pair of shapes [m]; 0 if disjoint."""
-        if not _meet(self.box, other.box, TOUCH_M):
+        if not _has_overlap(self.box, other.box, TOUCH_M):
             return 0.0
         return max(piece.depth_m(two) for piece, two in product(self.pieces, other.pieces))
 
@@ -472,11 +475,11 @@ class Solid:
 
     def contact_m2(self, lower: Solid) -> float:
         """Return the contact area on another body, seen from above [m2]."""
-        return covered(self.contacts(lower))
+        return measure_union(self.contacts(lower))
 
     def contacts(self, lower: Solid) -> list[Polygon]:
         """Return the contact polygons on another body, seen from above [m]."""
-        if not _meet(self.box, lower.box, -TOUCH_M):
+        if not _has_overlap(self.box, lower.box, -TOUCH_M):
             return []
         return [
             polygon
@@ -485,7 +488,7 @@ class Solid:
         ]
 
     def _height_m(self, lower: Solid, at_least_m: float) -> float | None:
-        if not _over(self.box, lower.box):
+        if not _is_over(self.box, lower.box):
             return None
         pairs = [
             (piece.box.low[2] - two.box.high[2] - _SLOPE_M, piece, two)
@@ -500,7 +503,7 @@ class Solid:
         return None if math.isinf(least_m) else least_m
 
 
-def _box_about(shape: Shape, pose: Pose) -> WorldBox:
+def _find_box(shape: Shape, pose: Pose) -> WorldBox:
     back = pose.inverse()
     lows, highs = [], []
     for axis, place in zip(AXES.values(), pose.position, strict=True):
@@ -510,11 +513,11 @@ def _box_about(shape: Shape, pose: Pose) -> WorldBox:
     return WorldBox((lows[0], lows[1], lows[2]), (highs[0], highs[1], highs[2]))
 
 
-def _over(box: WorldBox, other: WorldBox) -> bool:
+def _is_over(box: WorldBox, other: WorldBox) -> bool:
     return all(box.low[i] < other.high[i] and other.low[i] < box.high[i] for i in (0, 1))
 
 
-def _meet(box: WorldBox, other: WorldBox, by_m: float) -> bool:
+def _has_overlap(box: WorldBox, other: WorldBox, by_m: float) -> bool:
     return all(
         box.low[i] + by_m < other.high[i] and other.low[i] + by_m < box.high[i] for i in range(3)
     )

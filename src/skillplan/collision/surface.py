@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from skillplan.collision.solid import Polygon, area, below, intersection
+from skillplan.collision.solid import Polygon, area, clip_below, intersect
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
@@ -127,14 +127,14 @@ class Polyhedron:
         return Polyhedron(moved, self.faces, self.flat, self.convex)
 
 
-def polyhedron_of(shape: Shape, pose: Pose) -> Polyhedron:
+def make_polyhedron(shape: Shape, pose: Pose) -> Polyhedron:
     """Return the surface of a shape at a pose."""
     rotation = np.array(pose.rotation)
     if isinstance(shape, Box):
         corners, faces = _CORNERS * np.array(shape.size) + np.array(shape.centre), _BOX_FACES
         flat = np.ones(len(faces), dtype=bool)
     elif isinstance(shape, Cylinder):
-        corners, faces, flat = _prism(shape, rotation[2])
+        corners, faces, flat = _make_prism(shape, rotation[2])
     else:
         corners, faces = np.array(shape.corners, dtype=float), np.array(shape.faces)
         flat = np.ones(len(faces), dtype=bool)
@@ -142,7 +142,7 @@ def polyhedron_of(shape: Shape, pose: Pose) -> Polyhedron:
     return Polyhedron(corners @ rotation.T + np.array(pose.position), faces, flat, convex)
 
 
-def _prism(cylinder: Cylinder, up: Floats) -> tuple[Floats, Indices, npt.NDArray[np.bool_]]:
+def _make_prism(cylinder: Cylinder, up: Floats) -> tuple[Floats, Indices, npt.NDArray[np.bool_]]:
     """Return the prism about a cylinder with the middle of a side at its lowest line."""
     step = 2 * math.pi / _SIDES
     angles = math.atan2(up[1], up[0]) + step * (np.arange(_SIDES) + 0.5)
@@ -182,14 +182,14 @@ _PAIRS = 30_000
 _FEWEST = 16
 
 
-def depths(surface: Polyhedron, points: Floats) -> Floats:
+def measure_depths(surface: Polyhedron, points: Floats) -> Floats:
     """Return the depths of points in a surface [m]; negative outside."""
     faces = _Faces(surface)
     distances = faces.distances(points)
     return np.where(faces.inside(points), distances, -distances)
 
 
-def outermost(surface: Polyhedron, points: Floats) -> float:
+def measure_outermost(surface: Polyhedron, points: Floats) -> float:
     """Return the distance of the outermost point from a surface [m]; 0 if all are inside.
 
     The points with the largest distances come first, until one is outside.
@@ -207,7 +207,7 @@ def outermost(surface: Polyhedron, points: Floats) -> float:
     return 0.0
 
 
-def deepest_within(surface: Polyhedron, edges: Floats) -> float:
+def measure_deepest(surface: Polyhedron, edges: Floats) -> float:
     """Return the greatest depth of edges in a surface [m]; 0 if all are outside.
 
     A triangle is convex, so no point of an edge is farther from it than the farther end. The depth
@@ -215,7 +215,7 @@ def deepest_within(surface: Polyhedron, edges: Floats) -> float:
     """
     faces = _Faces(surface)
     low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
-    begins, ends = _clipped(edges, low, high)
+    begins, ends = _clip_edges(edges, low, high)
     deepest = 0.0
     while len(begins):
         worth = faces.farthest(begins, ends) > max(deepest + _PRECISION_M, _LEAST_M)
@@ -232,7 +232,7 @@ def deepest_within(surface: Polyhedron, edges: Floats) -> float:
     return max(0.0, deepest)
 
 
-def _clipped(edges: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+def _clip_edges(edges: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
     """Return the parts of edges that are in an upright box."""
     begins, way = edges[:, 0], edges[:, 1] - edges[:, 0]
     slope = np.where(np.abs(way) < 1e-15, 1e-15, way)
@@ -344,7 +344,7 @@ _ROUNDING, _ROUNDING_M = 1e-12, 1e-9
 _PAIRS_FALLING = 500_000
 
 
-def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math.inf) -> float:
+def measure_gap(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math.inf) -> float:
     """Return the least gap between `upper` and `lower` [m].
 
     This is the distance that `upper` may fall; a negative gap means that it has to rise. The
@@ -366,15 +366,15 @@ def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math
     """
     extent = upper.corners[:, :2].max(axis=0) - upper.corners[:, :2].min(axis=0)
     width_m = min(_GRAZING_M, float(extent.min()) / 4)
-    at_full_width = _all_heights(upper, lower)
+    at_full_width = _collect_heights(upper, lower)
     if not len(at_full_width):
         # Only the bounding boxes overlap in plan, so the narrowed surfaces do not overlap either.
         return math.inf
     narrow, wide, full = (
         float(heights[heights >= at_least_m].min(initial=math.inf))
         for heights in (
-            _all_heights(upper.narrowed(width_m), lower),
-            _all_heights(upper.narrowed(width_m / 2), lower),
+            _collect_heights(upper.narrowed(width_m), lower),
+            _collect_heights(upper.narrowed(width_m / 2), lower),
             at_full_width,
         )
     )
@@ -385,42 +385,42 @@ def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math
     return full if gentle else 2 * wide - narrow
 
 
-def narrowed_height_above(upper: Polyhedron, lower: Polyhedron, by_m: float) -> float:
+def measure_narrowed_gap(upper: Polyhedron, lower: Polyhedron, by_m: float) -> float:
     """Return the least gap with the walls of `upper` shifted inwards by a length [m]."""
-    return float(_all_heights(upper.narrowed(by_m), lower).min(initial=math.inf))
+    return float(_collect_heights(upper.narrowed(by_m), lower).min(initial=math.inf))
 
 
-def top_at(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
+def find_top(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
     """Return the height of a surface at a point in plan [m]; None outside its outline."""
     point = np.array([[x_m, y_m, 0.0]])
-    faces = _within(surface, surface.upper, point)
-    heights = [*_over(point, surface.triangles[faces], surface.normals[faces])]
+    faces = _select_faces(surface, surface.upper, point)
+    heights = [*_measure_over(point, surface.triangles[faces], surface.normals[faces])]
     tops = -np.concatenate(heights) if heights else np.empty(0)
     return float(tops.max()) if len(tops) else None
 
 
-def _all_heights(upper: Polyhedron, lower: Polyhedron) -> Floats:
+def _collect_heights(upper: Polyhedron, lower: Polyhedron) -> Floats:
     """Return gaps between `upper` and `lower`; empty if they do not overlap in plan."""
-    return np.concatenate([np.empty(0), *_heights(upper, lower)])
+    return np.concatenate([np.empty(0), *_list_heights(upper, lower)])
 
 
-def _heights(upper: Polyhedron, lower: Polyhedron) -> Iterator[Floats]:
+def _list_heights(upper: Polyhedron, lower: Polyhedron) -> Iterator[Floats]:
     """Yield gaps at all points that may have the least one."""
     if not (len(upper.lower) and len(lower.upper)):
         return
-    bottom = _within(upper, upper.lower, lower.corners)
-    top = _within(lower, lower.upper, upper.corners)
+    bottom = _select_faces(upper, upper.lower, lower.corners)
+    top = _select_faces(lower, lower.upper, upper.corners)
     if not (len(bottom) and len(top)):
         return
     corners = upper.corners[np.unique(upper.faces[bottom])]
-    yield from _over(corners, lower.triangles[top], lower.normals[top])
+    yield from _measure_over(corners, lower.triangles[top], lower.normals[top])
     corners = lower.corners[np.unique(lower.faces[top])]
-    for heights in _over(corners, upper.triangles[bottom], upper.normals[bottom]):
+    for heights in _measure_over(corners, upper.triangles[bottom], upper.normals[bottom]):
         yield -heights
-    yield from _crossings(upper.edges_of(bottom), lower.edges_of(top))
+    yield from _measure_crossings(upper.edges_of(bottom), lower.edges_of(top))
 
 
-def _within(
+def _select_faces(
     surface: Polyhedron, faces: npt.NDArray[np.intp], corners: Floats
 ) -> npt.NDArray[np.intp]:
     """Return the faces that may overlap the bounding box of corners in plan."""
@@ -430,7 +430,7 @@ def _within(
     return np.asarray(faces[meets.all(axis=1)])
 
 
-def _over(points: Floats, triangles: Floats, normals: Floats) -> Iterator[Floats]:
+def _measure_over(points: Floats, triangles: Floats, normals: Floats) -> Iterator[Floats]:
     """Yield heights of points above the triangles below or above them."""
     chunk = max(1, _PAIRS_FALLING // max(1, len(points)))
     for first in range(0, len(triangles), chunk):
@@ -448,7 +448,7 @@ def _over(points: Floats, triangles: Floats, normals: Floats) -> Iterator[Floats
         yield np.einsum("ij,ij->i", away, normal[face]) / normal[face, 2]
 
 
-def _crossings(upper: Floats, lower: Floats) -> Iterator[Floats]:
+def _measure_crossings(upper: Floats, lower: Floats) -> Iterator[Floats]:
     """Yield height differences at crossings of edges in plan."""
     chunk = max(1, _PAIRS_FALLING // max(1, len(lower)))
     c = lower[:, 0]
@@ -473,7 +473,7 @@ def _crossings(upper: Floats, lower: Floats) -> Iterator[Floats]:
 _PARALLEL = 1e-3
 
 
-def touching(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> Iterator[Polygon]:
+def find_contacts(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> Iterator[Polygon]:
     """Yield the contact areas of flat faces, seen from above [m].
 
     Parameters
@@ -494,21 +494,21 @@ def touching(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> Iterat
     meets &= upper.normals[feet] @ lower.normals[tops].T < -1 + _PARALLEL**2 / 2
     for i, j in zip(*np.nonzero(meets), strict=True):
         # Seen from above, the corners of a downward face are clockwise.
-        common = intersection(_seen(above[i][::-1]), _seen(beneath[j]))
-        common = _near(common, above[i], beneath[j], tolerance_m)
+        common = intersect(_project(above[i][::-1]), _project(beneath[j]))
+        common = _clip_near(common, above[i], beneath[j], tolerance_m)
         if len(common) > 2 and area(common) > 0:
             yield common
 
 
-def _near(common: Polygon, above: Floats, beneath: Floats, tolerance_m: float) -> Polygon:
+def _clip_near(common: Polygon, above: Floats, beneath: Floats, tolerance_m: float) -> Polygon:
     """Return the part of a polygon with two planes within the tolerance of each other."""
-    (ax, ay, az), (bx, by, bz) = _slopes(above), _slopes(beneath)
+    (ax, ay, az), (bx, by, bz) = _find_slopes(above), _find_slopes(beneath)
     dx, dy, dz = ax - bx, ay - by, az - bz
-    kept = below(common, (dx, dy), tolerance_m - dz)
-    return tuple(below(kept, (-dx, -dy), tolerance_m + dz))
+    kept = clip_below(common, (dx, dy), tolerance_m - dz)
+    return tuple(clip_below(kept, (-dx, -dy), tolerance_m + dz))
 
 
-def _slopes(triangle: Floats) -> tuple[float, float, float]:
+def _find_slopes(triangle: Floats) -> tuple[float, float, float]:
     """Return slopes of a plane along x and y, and its height at the origin."""
     a, b, c = triangle
     normal = np.cross(b - a, c - a)
@@ -516,7 +516,7 @@ def _slopes(triangle: Floats) -> tuple[float, float, float]:
     return float(x), float(y), float(a[2] - x * a[0] - y * a[1])
 
 
-def _seen(triangle: Floats) -> Polygon:
+def _project(triangle: Floats) -> Polygon:
     return tuple((float(x), float(y)) for x, y, _ in triangle)
 
 
@@ -527,17 +527,17 @@ _GOLDEN = (5**0.5 - 1) / 2
 _PAIRS_PENETRATION = 1_000_000
 
 
-def depth_m(surface: Polyhedron, other: Polyhedron) -> float:
+def measure_depth_m(surface: Polyhedron, other: Polyhedron) -> float:
     """Return the greatest depth of an edge of either surface in the other [m]; 0 if disjoint.
 
     Polyhedra with a common volume have an edge of one in the other. The depth is the distance to
     the
     nearest face, found to 0.05 mm in concave surfaces.
     """
-    return max(_deepest(surface, other), _deepest(other, surface))
+    return max(_measure_deepest(surface, other), _measure_deepest(other, surface))
 
 
-def _deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
+def _measure_deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
     edges = edges_of.edges
     low, high = within.corners.min(axis=0), within.corners.max(axis=0)
     near = (edges.min(axis=1) < high) & (edges.max(axis=1) > low)
@@ -545,7 +545,7 @@ def _deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
     if not len(edges):
         return 0.0
     if not within.convex:
-        return deepest_within(within, edges)
+        return measure_deepest(within, edges)
     normals, offsets = within.planes
     deepest = 0.0
     chunk = max(1, _PAIRS_PENETRATION // len(normals))
@@ -555,11 +555,11 @@ def _deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
         a, b = offsets - begins @ normals.T, offsets - ends @ normals.T
         inside = (np.maximum(a, b) > deepest).all(axis=1)
         if inside.any():
-            deepest = max(deepest, _highest_least(a[inside], b[inside]))
+            deepest = max(deepest, _find_highest_minimum(a[inside], b[inside]))
     return deepest
 
 
-def _highest_least(a: Floats, b: Floats) -> float:
+def _find_highest_minimum(a: Floats, b: Floats) -> float:
     """Return the greatest minimum of linear functions on [0, 1].
 
     Parameters

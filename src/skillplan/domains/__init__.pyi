@@ -3,8 +3,8 @@ from .domain import Domain as Domain
 from .domain import Listing as Listing
 from .domain import Strict as Strict
 from .load import Problem as Problem
+from .load import apply_changes as apply_changes
 from .load import load_task as load_task
-from .load import overridden as overridden
 
 __all__ = [
     "Account",
@@ -12,6 +12,6 @@ __all__ = [
     "Listing",
     "Problem",
     "Strict",
+    "apply_changes",
     "load_task",
-    "overridden",
 ]

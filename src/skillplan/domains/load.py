@@ -28,7 +28,7 @@ from skillplan.task.task import Task, find_unreachable_facts
 _MOST_STEPS = 32
 
 
-def overridden(document: Document, changes: Mapping[str, str]) -> Document:
+def apply_changes(document: Document, changes: Mapping[str, str]) -> Document:
     """Return the document with changed values.
 
     Parameters
@@ -51,7 +51,7 @@ def overridden(document: Document, changes: Mapping[str, str]) -> Document:
     values = dict(document.values)
     given: list[tuple[str | int, ...]] = []
     for key, text in changes.items():
-        path = _put(data, key, _value(key, text))
+        path = _put(data, key, _parse_value(key, text))
         given.append(path)
         # Positions in the file no longer apply to changed values.
         for known in list(values):
@@ -60,7 +60,7 @@ def overridden(document: Document, changes: Mapping[str, str]) -> Document:
     return replace(document, data=data, values=values, given=tuple(given))
 
 
-def _value(key: str, text: str) -> Any:
+def _parse_value(key: str, text: str) -> Any:
     if not text.strip():
         raise OptionError(f"--set {key[:40]}= has no value. Write null for none.")
     try:
@@ -81,14 +81,14 @@ def _put(data: Any, key: str, value: Any) -> tuple[str | int, ...]:
     for number, step in enumerate(steps, start=1):
         last = number == len(steps)
         if isinstance(here, list):
-            index = _index(step, len(here))
+            index = _parse_index(step, len(here))
             if index is None:
-                holder = f"--set {_short(key)}: {_short('.'.join(steps[: number - 1]))}"
+                holder = f"--set {_shorten(key)}: {_shorten('.'.join(steps[: number - 1]))}"
                 if not here:
                     raise OptionError(f"{holder} is an empty list. Give all of it.")
                 raise OptionError(
                     f"{holder} is a list of {len(here)}; "
-                    f"give an index from 0 to {len(here) - 1} instead of {_short(step)!r}."
+                    f"give an index from 0 to {len(here) - 1} instead of {_shorten(step)!r}."
                 )
             path.append(index)
             if last:
@@ -102,12 +102,12 @@ def _put(data: Any, key: str, value: Any) -> tuple[str | int, ...]:
                 here[step] = {}
             here = here[step]
         else:
-            holder = f"--set {_short(key)}: {_short('.'.join(steps[: number - 1]))}"
+            holder = f"--set {_shorten(key)}: {_shorten('.'.join(steps[: number - 1]))}"
             raise OptionError(f"{holder} is a single value and has no keys.")
     return tuple(path)
 
 
-def _index(step: str, length: int) -> int | None:
+def _parse_index(step: str, length: int) -> int | None:
     """Return the index of a step in a list of a given length, or None."""
     # No list has ten digits of entries, and int() refuses very long numbers.
     if not (step.isascii() and step.isdigit() and len(step) < 10):
@@ -115,7 +115,7 @@ def _index(step: str, length: int) -> int | None:
     return int(step) if int(step) < length else None
 
 
-def _short(text: str) -> str:
+def _shorten(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
@@ -233,7 +233,7 @@ class Problem:
         name = self.task.name
         tasks = []
         for index, config in enumerate(drawn):
-            sha256 = _content_hash(config)
+            sha256 = _hash_content(config)
             (task,) = self.domain.ground(config, sha256)
             tasks.append(task.replace(name=f"{name}/{index}", sha256=sha256))
         return tuple(tasks)
@@ -282,27 +282,27 @@ def load_task(
         If a change does not fit the file.
     """
     source = os.fspath(path)
-    document = overridden(_read(source, domains), changes or {})
-    kind, domain = _domain(document, domains)
+    document = apply_changes(_read(source, domains), changes or {})
+    kind, domain = _find_domain(document, domains)
     try:
-        return _grounded(source, document, kind, domain, checks)
+        return _ground(source, document, kind, domain, checks)
     except BaseException as error:
         failed = f"{source}: the kind {kind!r} failed"
         blame(error, type(domain), lambda words: f"{failed}: {words}", PluginError)
 
 
-def _grounded(
+def _ground(
     source: str, document: Document, kind: str, domain: Domain, checks: FileChecks
 ) -> Problem:
     """Validate and ground a document."""
     issues = list(checks.content_issues(document.data))
-    config, faults = _validated(document, domain, {"folder": Path(source).parent})
+    config, faults = _validate(document, domain, {"folder": Path(source).parent})
     issues += faults
     if config is not None:
         issues += domain.issues(config)
     if config is None or issues or document.issues:
         raise document.error(issues)
-    sha256 = _content_hash(config)
+    sha256 = _hash_content(config)
     tasks = domain.ground(config, sha256)
     for task in tasks:
         lost = {} if task.infeasible else find_unreachable_facts(task)
@@ -335,7 +335,7 @@ def _read(source: str, domains: Mapping[str, Domain]) -> Document:
     return parse(read_text(path, source), source)
 
 
-def _domain(document: Document, domains: Mapping[str, Domain]) -> tuple[str, Domain]:
+def _find_domain(document: Document, domains: Mapping[str, Domain]) -> tuple[str, Domain]:
     known = sorted(domains)
     kinds = ", ".join(known)
     if not isinstance(document.data, dict):
@@ -358,7 +358,7 @@ def _domain(document: Document, domains: Mapping[str, Domain]) -> tuple[str, Dom
         raise document.error([Issue(f"unknown kind {shown(kind)}. {hint}", ("kind",))]) from None
 
 
-def _validated(
+def _validate(
     document: Document, domain: Domain, context: Mapping[str, Any]
 ) -> tuple[BaseModel | None, list[Issue]]:
     """Return the content, or None, and the faults that the document does not have yet.
@@ -381,7 +381,7 @@ def _validated(
             return None, faults
     try:
         return domain.Config.model_validate(
-            _without(document.data, unknown), context=context
+            _remove_paths(document.data, unknown), context=context
         ), faults
     except ValidationError as error:
         # Models are validated as a whole only if their keys are valid. A missing key may be a
@@ -391,7 +391,7 @@ def _validated(
         return None, faults + [issue for issue in listed if issue.path not in unread]
 
 
-def _without(data: Any, paths: Iterable[tuple[str | int, ...]]) -> Any:
+def _remove_paths(data: Any, paths: Iterable[tuple[str | int, ...]]) -> Any:
     """Return a copy of nested data without the entries at some paths."""
     copy = deepcopy(data)
     for path in paths:
@@ -402,7 +402,7 @@ def _without(data: Any, paths: Iterable[tuple[str | int, ...]]) -> Any:
     return copy
 
 
-def _content_hash(config: BaseModel) -> str:
+def _hash_content(config: BaseModel) -> str:
     content = config.model_dump(mode="json", exclude=set(_NOT_HASHED))
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()

@@ -5,9 +5,9 @@ from .behaviour_tree import unescape_text as unescape_text
 from .exporter import Exporter as Exporter
 from .exporter import Handover as Handover
 from .exporter import Identifiers as Identifiers
-from .exporter import quoted as quoted
+from .exporter import quote as quote
 from .pddl.action_costs import NoActionCosts as NoActionCosts
-from .pddl.action_costs import scale_of as scale_of
+from .pddl.action_costs import choose_scale as choose_scale
 from .pddl.conditions import ConsistentStates as ConsistentStates
 from .pddl.exporter import ActionNames as ActionNames
 from .pddl.exporter import PddlExporter as PddlExporter
@@ -34,10 +34,10 @@ __all__ = [
     "PddlExporter",
     "PlanningTask",
     "StructuredTextExporter",
+    "choose_scale",
     "escape_text",
-    "quoted",
+    "quote",
     "read_cell",
     "read_plan",
-    "scale_of",
     "unescape_text",
 ]

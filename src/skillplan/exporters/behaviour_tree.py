@@ -19,8 +19,8 @@ from skillplan.exporters.exporter import (
     Handover,
     Identifiers,
     PlannedSkill,
-    decimal_text,
-    quoted,
+    format_decimal,
+    quote,
 )
 from skillplan.task import back_end
 
@@ -103,18 +103,20 @@ class BehaviourTreeExporter(Exporter):
         kinds = dict.fromkeys(planned.skill.kind for planned in handover.skills)
         trees = Identifiers(kinds, {"plan"})
         names = Identifiers(dict.fromkeys(planned.skill.name for planned in handover.skills))
-        lines = ['<?xml version="1.0" encoding="UTF-8"?>', *_head(handover)]
+        lines = ['<?xml version="1.0" encoding="UTF-8"?>', *_write_head(handover)]
         lines.append('<root BTCPP_format="4" main_tree_to_execute="plan">')
         lines.append('  <BehaviorTree ID="plan">\n    <Sequence>')
         for skill in handover.skills:
-            ports = " ".join(f'{key}="{escape(value)}"' for key, value in _ports(skill).items())
+            ports = " ".join(
+                f'{key}="{escape(value)}"' for key, value in _list_ports(skill).items()
+            )
             tree, name = trees[skill.skill.kind], names[skill.skill.name]
             lines.append(f'      <SubTree ID="{tree}" name="{name}" {ports}/>')
         lines.append("    </Sequence>\n  </BehaviorTree>")
         text = "\n".join(lines) + "\n"
         for kind in kinds:
             text += _SKILL_TREE.format(tree=trees[kind], attempts=self.options.attempts)
-        models = "\n".join(_models([trees[kind] for kind in kinds]))
+        models = "\n".join(_write_models([trees[kind] for kind in kinds]))
         return {"plan.xml": f"{text}  <TreeNodesModel>\n{models}\n  </TreeNodesModel>\n</root>\n"}
 
 
@@ -128,18 +130,18 @@ def unescape_text(text: str) -> str:
     return _WRITTEN.sub(lambda match: chr(int(match[1], 16)), text)
 
 
-def _head(handover: Handover) -> Iterator[str]:
+def _write_head(handover: Handover) -> Iterator[str]:
     task = handover.task
     cost = sum(skill.step.cost for skill in handover.skills)
     # Two hyphens would end the comment.
-    name = quoted(task.name).replace("-", "\\u002d") if "--" in task.name else quoted(task.name)
+    name = quote(task.name).replace("-", "\\u002d") if "--" in task.name else quote(task.name)
     yield f"<!-- Plan of {name}, written by skillplan."
     yield f"     {len(handover.skills)} skills, cost {task.cost_text(cost)}. Nodes to register: the"
     yield "     actions Execute_KIND and Recover_KIND, and the conditions SkillApplicable and"
     yield "     SkillDone; each finds its ports in the blackboard of its subtree. -->"
 
 
-def _ports(planned: PlannedSkill) -> dict[str, str]:
+def _list_ports(planned: PlannedSkill) -> dict[str, str]:
     condition, outcome = (
         planned.skill.condition(planned.before),
         planned.skill.prediction_in(planned.before),
@@ -156,22 +158,22 @@ def _ports(planned: PlannedSkill) -> dict[str, str]:
         ";".join(condition.forbids),
         ";".join(outcome.add),
         ";".join(ended),
-        decimal_text(planned.step.cost),
-        decimal_text(planned.step.duration_s),
+        format_decimal(planned.step.cost),
+        format_decimal(planned.step.duration_s),
     )
     return dict(zip(PORTS, map(escape_text, values), strict=True))
 
 
-def _models(trees: list[str]) -> Iterator[str]:
+def _write_models(trees: list[str]) -> Iterator[str]:
     for tree in trees:
-        yield from _model("SubTree", tree, defaults=False)
-        yield from _model("Action", f"Execute_{tree}")
-        yield from _model("Action", f"Recover_{tree}")
+        yield from _write_model("SubTree", tree, defaults=False)
+        yield from _write_model("Action", f"Execute_{tree}")
+        yield from _write_model("Action", f"Recover_{tree}")
     for name in ("SkillApplicable", "SkillDone"):
-        yield from _model("Condition", name)
+        yield from _write_model("Condition", name)
 
 
-def _model(kind: str, name: str, *, defaults: bool = True) -> Iterator[str]:
+def _write_model(kind: str, name: str, *, defaults: bool = True) -> Iterator[str]:
     yield f'    <{kind} ID="{name}">'
     for port, meaning in PORTS.items():
         default = f' default="{{{port}}}"' if defaults else ""

@@ -42,7 +42,7 @@ class PlannedSkill:
     @property
     def subject(self) -> str:
         """Object of the skill: ``pcb`` of ``pick(pcb)``."""
-        return argument(self.skill.name)
+        return get_argument(self.skill.name)
 
     @property
     def tool(self) -> str:
@@ -79,7 +79,7 @@ class Handover:
         for step in () if self.plan is None else self.plan.steps:
             skill = self.task.skills[step.action]
             after = skill.prediction_in(state).apply(state)
-            places = _place(self.task, skill, state), _place(self.task, skill, after)
+            places = _name_place(self.task, skill, state), _name_place(self.task, skill, after)
             planned.append(PlannedSkill(step, skill, state, after, *places))
             state = after
         return tuple(planned)
@@ -90,21 +90,21 @@ class Handover:
         return next((skill.name for skill in self.task.skills if not skill.deterministic), "")
 
 
-def argument(name: str) -> str:
+def get_argument(name: str) -> str:
     """Return the argument in brackets: ``pcb`` of ``placed(pcb)``; may be empty."""
     _, bracket, rest = name.partition("(")
     return rest.removesuffix(")") if bracket else ""
 
 
-def _place(task: Task, skill: Skill, state: State) -> str:
+def _name_place(task: Task, skill: Skill, state: State) -> str:
     if skill.motion is not None:
         fact, _ = task.scene.robot(skill.motion.robot).place(state)
-        return argument(fact) or fact
+        return get_argument(fact) or fact
     names = [place.name for place in task.places_in(state)]
     return names[0] if len(names) == 1 else ""
 
 
-def decimal_text(value: float) -> str:
+def format_decimal(value: float) -> str:
     """Return a number with 12 significant digits, which removes noise of binary fractions."""
     return f"{value + 0.0:.12g}"
 
@@ -142,7 +142,7 @@ class Exporter(ABC):
 
         By default tasks with chance are refused, which a list of skills cannot represent.
         """
-        return refused_chance(handover)
+        return refuse_chance(handover)
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
         """Return notes for users of the files, a clause each."""
@@ -156,7 +156,7 @@ class Exporter(ABC):
         """
 
 
-def refused_chance(handover: Handover) -> str | None:
+def refuse_chance(handover: Handover) -> str | None:
     """Return the reason why a task with chance is refused, or None."""
     if not handover.chance:
         return None
@@ -187,7 +187,7 @@ class Identifiers:
         self._by_name: dict[str, str] = {}
         self._by_identifier: dict[str, str] = {}
         for name in names:
-            plain = prefix + _plain(name)
+            plain = prefix + _simplify(name)
             identifier, number = plain, 1
             while identifier in self._by_identifier or identifier in reserved:
                 number += 1
@@ -207,15 +207,15 @@ class Identifiers:
 
     def lines(self) -> list[str]:
         """Return lines for a comment, such as ``pick_pcb = "..."``."""
-        return [f"{identifier} = {quoted(name)}" for name, identifier in self._by_name.items()]
+        return [f"{identifier} = {quote(name)}" for name, identifier in self._by_name.items()]
 
 
-def quoted(text: str) -> str:
+def quote(text: str) -> str:
     """Return a text as one line of ASCII JSON that cannot end a comment."""
     return json.dumps(text).replace("*", "\\u002a").replace("\x7f", "\\u007f")
 
 
-def _plain(name: str) -> str:
+def _simplify(name: str) -> str:
     plain = re.sub(r"[^a-z0-9]+", "_", name.lower())[:_LONGEST].strip("_")
     # Word for a name without letters or digits of ASCII.
     return plain if plain[:1].isalpha() else f"x_{plain}".rstrip("_")

@@ -55,7 +55,7 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
     start = content.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
     skills: list[Skill] = []
     if start == b"<":
-        entries = _of_tree(path, content)
+        entries = _read_tree(path, content)
     else:
         try:
             text = content.decode("utf-8-sig")
@@ -63,11 +63,11 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
             line = content.count(b"\n", 0, error.start) + 1
             raise OptionError(f"{path}:{line}: is not UTF-8. Give {FORMATS}.") from None
         if start in (b"{", b"["):
-            entries = _of_json(path, text, task)
+            entries = _read_json(path, text, task)
         elif start in (b"(", b";"):
-            entries = _of_planner(path, text, skill_of)
+            entries = _read_planner(path, text, skill_of)
         else:
-            entries = _of_list(text) if _begins_with_skill(text, task) else _of_table(path, text)
+            entries = _read_list(text) if _has_skill_first(text, task) else _read_table(path, text)
     for line, name in entries:
         if len(skills) == MOST_SKILLS:
             raise OptionError(f"{path}:{line}: has more than {MOST_SKILLS:,} skills.")
@@ -80,9 +80,9 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
     return tuple(skills)
 
 
-def _begins_with_skill(text: str, task: Task) -> bool:
+def _has_skill_first(text: str, task: Task) -> bool:
     """Return True if the first word of a text is a skill and not the header of a column."""
-    first = next(_of_list(text), None)
+    first = next(_read_list(text), None)
     if first is None:
         return False
     try:
@@ -92,14 +92,14 @@ def _begins_with_skill(text: str, task: Task) -> bool:
     return True
 
 
-def _of_list(text: str) -> Iterator[Entry]:
+def _read_list(text: str) -> Iterator[Entry]:
     """Yield the entries of a list as for --sequence, on any number of lines."""
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.split(",") if "," in line else line.split()
         yield from ((number, word.strip()) for word in words if word.strip())
 
 
-def _of_table(path: str, text: str) -> Iterator[Entry]:
+def _read_table(path: str, text: str) -> Iterator[Entry]:
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
         header = [cell.strip() for cell in next(reader, [])]
@@ -119,7 +119,7 @@ def _of_table(path: str, text: str) -> Iterator[Entry]:
         raise OptionError(f"{path}:{reader.line_num}: is no CSV: {error}.") from None
 
 
-def _of_json(path: str, text: str, task: Task) -> Iterator[Entry]:
+def _read_json(path: str, text: str, task: Task) -> Iterator[Entry]:
     try:
         document: Any = parse_json(text)
     except ValueError as error:
@@ -145,7 +145,7 @@ def _of_json(path: str, text: str, task: Task) -> Iterator[Entry]:
         yield 1 + text.count("\n", 0, at), str(entry)
 
 
-def _of_planner(path: str, text: str, skill_of: Callable[[str], str | None]) -> Iterator[Entry]:
+def _read_planner(path: str, text: str, skill_of: Callable[[str], str | None]) -> Iterator[Entry]:
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.partition(";")[0].strip()
         if not words:
@@ -164,7 +164,7 @@ def _of_planner(path: str, text: str, skill_of: Callable[[str], str | None]) -> 
         yield number, name
 
 
-def _of_tree(path: str, content: bytes) -> Iterator[Entry]:
+def _read_tree(path: str, content: bytes) -> Iterator[Entry]:
     try:
         root = parse_xml(content, "keep the plan alone")
     except XmlError as error:
@@ -179,10 +179,10 @@ def _of_tree(path: str, content: bytes) -> Iterator[Entry]:
                 "main_tree_to_execute."
             )
         main = next(iter(trees))
-    yield from _of_node(path, trees[main], trees, (main,))
+    yield from _read_node(path, trees[main], trees, (main,))
 
 
-def _of_node(
+def _read_node(
     path: str, node: Element, trees: dict[str, Element], within: tuple[str, ...]
 ) -> Iterator[Entry]:
     skill = node.attributes.get("skill", "{")
@@ -193,9 +193,9 @@ def _of_node(
     if node.tag == "SubTree" and name in trees:
         if name in within:
             raise OptionError(f"{path}:{node.line}: the tree {name[:80]!r} holds itself.")
-        yield from _of_node(path, trees[name], trees, (*within, name))
+        yield from _read_node(path, trees[name], trees, (*within, name))
         return
-    entries = [entry for child in node.children for entry in _of_node(path, child, trees, within)]
+    entries = [entry for child in node.children for entry in _read_node(path, child, trees, within)]
     if len(entries) > 1 and node.tag.startswith(_CHOICES):
         raise OptionError(
             f"{path}:{node.line}: {node.tag} leaves open which of {len(entries)} skills are done; "

@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
-from skillplan.exporters.exporter import Exporter, Handover, PlannedSkill, decimal_text
+from skillplan.exporters.exporter import Exporter, Handover, PlannedSkill, format_decimal
 
 COLUMNS = (
     "step",
@@ -49,7 +49,7 @@ class CsvExporter(Exporter):
         writer.writerow(COLUMNS)
         begin_s = 0.0
         for skill in handover.skills:
-            writer.writerow(_row(skill, begin_s, handover.task.metric.unit))
+            writer.writerow(_build_row(skill, begin_s, handover.task.metric.unit))
             begin_s += skill.step.duration_s
         return {"plan.csv": text.getvalue()}
 
@@ -59,22 +59,22 @@ def read_cell(cell: str) -> str:
     return cell[1:] if cell[:1] == "'" and cell[1:2] in _FORMULA else cell
 
 
-def _row(planned: PlannedSkill, begin_s: float, unit: str) -> Iterable[str]:
+def _build_row(planned: PlannedSkill, begin_s: float, unit: str) -> Iterable[str]:
     step, skill = planned.step, planned.skill
     texts = (skill.name, skill.kind, planned.subject, " ".join(skill.agents), planned.tool)
     points = [*(step.start or ("",) * 3), *(step.goal or ("",) * 3)]
     return (
         str(step.index + 1),
         str(step.action),
-        *map(_text, (*texts, planned.origin, planned.destination)),
-        decimal_text(step.cost),
-        _text(unit),
-        decimal_text(step.duration_s),
-        decimal_text(begin_s),
-        *(value if isinstance(value, str) else decimal_text(value) for value in points),
-        _text(step.way or ""),
+        *map(_escape, (*texts, planned.origin, planned.destination)),
+        format_decimal(step.cost),
+        _escape(unit),
+        format_decimal(step.duration_s),
+        format_decimal(begin_s),
+        *(value if isinstance(value, str) else format_decimal(value) for value in points),
+        _escape(step.way or ""),
     )
 
 
-def _text(cell: str) -> str:
+def _escape(cell: str) -> str:
     return f"'{cell}" if cell.startswith(_FORMULA) else cell

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Final
 
-from skillplan.exporters.exporter import Exporter, Handover, Identifiers, PlannedSkill, quoted
+from skillplan.exporters.exporter import Exporter, Handover, Identifiers, PlannedSkill, quote
 
 # Default length of texts in controllers.
 _LONGEST_TEXT = 80
@@ -107,17 +107,17 @@ class StructuredTextExporter(Exporter):
         """Return the function block."""
         task = handover.task
         block = Identifiers([task.name], prefix="fb_")
-        steps = "".join(_step(skill, i) for i, skill in enumerate(handover.skills, start=1))
+        steps = "".join(_write_step(skill, i) for i, skill in enumerate(handover.skills, start=1))
         constant = f"VAR CONSTANT\n    LAST_STEP : INT := {len(handover.skills)};\nEND_VAR\n"
-        text = "\n".join(_head(handover, block)) + "\n"
+        text = "\n".join(_write_head(handover, block)) + "\n"
         text += f"FUNCTION_BLOCK {block[task.name].upper()}\n{_DECLARATIONS}{constant}\n"
         return {"plan.st": text + _FRAME.format(steps=steps.rstrip("\n"), error=_ERROR_STEP)}
 
 
-def _head(handover: Handover, block: Identifiers) -> Iterator[str]:
+def _write_head(handover: Handover, block: Identifiers) -> Iterator[str]:
     task = handover.task
     cost = sum(skill.step.cost for skill in handover.skills)
-    yield f"// Plan of {quoted(task.name)}, written by skillplan."
+    yield f"// Plan of {quote(task.name)}, written by skillplan."
     yield f"// {len(handover.skills)} skills, cost {task.cost_text(cost)}."
     yield "// Handshake: SkillExecute rises and stays; SkillDone or SkillError answers;"
     yield "// SkillExecute falls, and the answer with it. Texts are cut to 80 characters, others"
@@ -126,23 +126,23 @@ def _head(handover: Handover, block: Identifiers) -> Iterator[str]:
         yield f"// {line}"
 
 
-def _step(planned: PlannedSkill, number: int) -> str:
+def _write_step(planned: PlannedSkill, number: int) -> str:
     return _STEP.format(
         number=number,
         following=number + 1,
         error=_ERROR_STEP,
-        name=quoted(planned.skill.name),
+        name=quote(planned.skill.name),
         action=planned.step.action,
-        skill=_text(planned.skill.name),
-        subject=_text(planned.subject),
-        tool=_text(planned.tool),
-        origin=_text(planned.origin),
-        destination=_text(planned.destination),
+        skill=_escape(planned.skill.name),
+        subject=_escape(planned.subject),
+        tool=_escape(planned.tool),
+        origin=_escape(planned.origin),
+        destination=_escape(planned.destination),
         milliseconds=round(1000 * planned.step.duration_s),
     )
 
 
-def _text(name: str) -> str:
+def _escape(name: str) -> str:
     """Return an escaped text of the length that controllers support."""
     plain = name.encode("ascii", "backslashreplace").decode("ascii")[:_LONGEST_TEXT]
     escaped = plain.replace("$", "$$").replace("'", "$'")

@@ -1,11 +1,11 @@
 from .engine import Engine as Engine
 from .kinematic import KinematicEngine as KinematicEngine
-from .kinematic import straight_down as straight_down
+from .kinematic import find_downward_ring as find_downward_ring
 from .linear_motions import LinearMotion as LinearMotion
-from .linear_motions import grasp_of as grasp_of
-from .linear_motions import jaws_about as jaws_about
-from .linear_motions import linear_motions as linear_motions
-from .linear_motions import widest_m as widest_m
+from .linear_motions import choose_grasp as choose_grasp
+from .linear_motions import find_opening_m as find_opening_m
+from .linear_motions import grasp_boxes as grasp_boxes
+from .linear_motions import plan_linear_motions as plan_linear_motions
 from .performance import HEIGHT as HEIGHT
 from .performance import WIDTH as WIDTH
 from .performance import Angle as Angle
@@ -33,9 +33,9 @@ __all__ = [
     "PerformedSkill",
     "Sample",
     "View",
-    "grasp_of",
-    "jaws_about",
-    "linear_motions",
-    "straight_down",
-    "widest_m",
+    "choose_grasp",
+    "find_downward_ring",
+    "find_opening_m",
+    "grasp_boxes",
+    "plan_linear_motions",
 ]

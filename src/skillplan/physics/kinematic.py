@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from skillplan.physics.engine import Engine
-from skillplan.physics.linear_motions import LinearMotion, linear_motions
+from skillplan.physics.linear_motions import LinearMotion, plan_linear_motions
 from skillplan.robots.arm_description import ArmDescription
 from skillplan.robots.panda import PANDA
 from skillplan.robots.ur5e import UR5E
@@ -41,14 +41,14 @@ class KinematicEngine(Engine):
                 for route in skill.motion.routes
                 if state.bits & route.when.bits == route.when.bits
             )
-        for motion in linear_motions(self.task, skill, state):
+        for motion in plan_linear_motions(self.task, skill, state):
             visit = motion.visit
             vertical = motion.is_vertical
             for point in self.via_points(robot, visit) if vertical else motion.approach:
                 distance_m = math.dist(robot.base, point)
                 if distance_m > robot.reach_m:
                     return Verdict.infeasible(
-                        f"{visit.subject} at {_millimetres(point)} is {distance_m:.3f} m from "
+                        f"{visit.subject} at {_format_point(point)} is {distance_m:.3f} m from "
                         f"the base of {robot.name}, which reaches {robot.reach_m:.3f} m",
                         present,
                         facts.none,
@@ -78,7 +78,7 @@ class KinematicEngine(Engine):
         return above, (x_m, y_m, z_m + grip_m)
 
 
-def _millimetres(point: Point) -> str:
+def _format_point(point: Point) -> str:
     return "(" + ", ".join(f"{value:.3f}" for value in point) + ") m"
 
 
@@ -112,7 +112,7 @@ _FLANGES: Final = (
 )
 
 
-def straight_down(arm: ArmDescription) -> Annulus | None:
+def find_downward_ring(arm: ArmDescription) -> Annulus | None:
     """Return a region in which the flange of an upright arm can point straight down.
 
     For every rotation about the vertical some posture within the joint limits exists there. The arm
@@ -130,7 +130,7 @@ def straight_down(arm: ArmDescription) -> Annulus | None:
 _MOST_DEPTH_M = 0.03
 
 
-def surely_reached(task: Task, skill: Skill, state: State) -> bool:
+def is_surely_reached(task: Task, skill: Skill, state: State) -> bool:
     """Return True if the arm certainly reaches all visits of a skill without touching its load.
 
     The base must be upright and the hand must point straight down. False means that an arm model
@@ -141,14 +141,14 @@ def surely_reached(task: Task, skill: Skill, state: State) -> bool:
         return False
     robot = task.scene.robot(skill.motion.robot)
     return all(
-        _is_near(robot, motion) and _depth_m(task, motion) <= _MOST_DEPTH_M
-        for motion in linear_motions(task, skill, state)
+        _is_near(robot, motion) and _measure_depth_m(task, motion) <= _MOST_DEPTH_M
+        for motion in plan_linear_motions(task, skill, state)
     )
 
 
 def _is_near(robot: Robot, motion: LinearMotion) -> bool:
     """Return True if the tip stays in the reachable region during approach and retreat."""
-    ring = straight_down(robot.model)
+    ring = find_downward_ring(robot.model)
     if ring is None or not robot.mount.is_upright or not motion.points_down:
         return False
     x_m, y_m, z_m = robot.base
@@ -159,7 +159,7 @@ def _is_near(robot: Robot, motion: LinearMotion) -> bool:
     )
 
 
-def _depth_m(task: Task, motion: LinearMotion) -> float:
+def _measure_depth_m(task: Task, motion: LinearMotion) -> float:
     """Return the height of the handled body above the tip of the hand [m]."""
     handled = motion.carries or motion.leaves_with
     if handled is None:

@@ -145,12 +145,12 @@ class LinearMotion:
         return (self.tip[0], self.tip[1], self.tip[2] - self.drop_m)
 
 
-def grasp_of(body: Body) -> Grasp:
+def choose_grasp(body: Body) -> Grasp:
     """Return the grasp of a body: as given, or across its narrower side."""
-    return body.grasp or jaws_about(body.boxes)
+    return body.grasp or grasp_boxes(body.boxes)
 
 
-def jaws_about(
+def grasp_boxes(
     boxes: Sequence[Box],
     closing_axis: str | None = None,
     depth_m: float | None = None,
@@ -186,7 +186,7 @@ def jaws_about(
     return Grasp(GraspKind.JAWS, (x_m, y_m, top_m - depth_m), AXES["xy"[axis]], widths[axis])
 
 
-def linear_motions(
+def plan_linear_motions(
     task: Task, skill: Skill, state: State, drop_height_m: float = 0.0
 ) -> list[LinearMotion]:
     """Return the linear motions of a skill in a state in which it is applicable.
@@ -208,14 +208,14 @@ def linear_motions(
     carries = skill.motion.carries
     motions = []
     for visit in skill.motion.visits(state):
-        motion = _linear_motion(task, robot, visit, carries, tool, drop_height_m)
+        motion = _plan_linear_motion(task, robot, visit, carries, tool, drop_height_m)
         motions.append(motion)
         carries = motion.leaves_with
-        tool = tool_after(robot, visit, tool)
+        tool = find_tool_after(robot, visit, tool)
     return motions
 
 
-def tool_after(robot: Robot, visit: Visit, tool: Tool | None) -> Tool | None:
+def find_tool_after(robot: Robot, visit: Visit, tool: Tool | None) -> Tool | None:
     """Return the tool that is attached after a visit."""
     if visit.event is Event.OFFLOAD:
         return None
@@ -224,12 +224,12 @@ def tool_after(robot: Robot, visit: Visit, tool: Tool | None) -> Tool | None:
     return tool
 
 
-def visited_grasp(scene_body: Body, visit: Visit) -> Grasp:
+def choose_visit_grasp(scene_body: Body, visit: Visit) -> Grasp:
     """Return the grasp of a visit: its own, or that of the body."""
-    return visit.grasp or grasp_of(scene_body)
+    return visit.grasp or choose_grasp(scene_body)
 
 
-def _linear_motion(
+def _plan_linear_motion(
     task: Task,
     robot: Robot,
     visit: Visit,
@@ -240,15 +240,15 @@ def _linear_motion(
     leaves_with = carries
     grasp: Grasp | None = None
     if visit.event in (Event.GRASP, Event.RELEASE):
-        grasp = visited_grasp(task.scene.body(visit.subject), visit)
+        grasp = choose_visit_grasp(task.scene.body(visit.subject), visit)
         leaves_with = visit.subject if visit.event is Event.GRASP else None
     elif visit.event is Event.FETCH:
         leaves_with = visit.subject
     elif visit.event is Event.DRIVE:
         carries, leaves_with = visit.subject, None
-    points, closing = _hand_directions(visit, grasp)
-    drop_m = _drop_m(visit, drop_height_m)
-    tip = _tip(task, visit, grasp)
+    points, closing = _find_hand_directions(visit, grasp)
+    drop_m = _choose_drop_m(visit, drop_height_m)
+    tip = _find_tip(task, visit, grasp)
     body = None if grasp is None else task.scene.body(visit.subject)
     if body is None or visit.pose.is_upright:
         # The origin of an upright body is at its bottom.
@@ -256,28 +256,28 @@ def _linear_motion(
     else:
         low_m = -body.reach_m(visit.pose, DOWN)
     if is_same_direction(points, DOWN):
-        yaw_rad = _closing_yaw_rad(visit, grasp, closing)
+        yaw_rad = _find_closing_yaw_rad(visit, grasp, closing)
     else:
         yaw_rad, low_m = 0.0, min(low_m, tip[2] - _HAND_RADIUS_M)
     above_m = max(robot.safe_height_m, low_m) + (tip[2] - low_m)
     up: Point = (0.0, 0.0, drop_m)
     dropped = plus(tip, up)
     orientation = Pose.of_axes(tip, closing, points).orientation
-    approach, retreat = _stretches(visit, grasp, body, tip, points, closing)
+    approach, retreat = _plan_stretches(visit, grasp, body, tip, points, closing)
     return LinearMotion(
         visit,
         dropped,
         yaw_rad,
         orientation,
         (
-            _at_height(approach[-1], above_m),
+            _raise_to(approach[-1], above_m),
             *(plus(point, up) for point in reversed(approach[1:])),
             dropped,
         ),
         (
             dropped,
             *(plus(point, up) for point in retreat[1:]),
-            _at_height(retreat[-1], above_m),
+            _raise_to(retreat[-1], above_m),
         ),
         carries,
         tool,
@@ -286,7 +286,7 @@ def _linear_motion(
     )
 
 
-def _drop_m(visit: Visit, drop_height_m: float) -> float:
+def _choose_drop_m(visit: Visit, drop_height_m: float) -> float:
     """Return the height above its goal at which a visit releases a part [m]."""
     if visit.event is not Event.RELEASE or is_same_direction(visit.along, AXES["z"]):
         return 0.0
@@ -295,7 +295,7 @@ def _drop_m(visit: Visit, drop_height_m: float) -> float:
     return min(drop_height_m, _SIDE_LIFT_M)
 
 
-def _stretches(
+def _plan_stretches(
     visit: Visit,
     grasp: Grasp | None,
     body: Body | None,
@@ -326,7 +326,7 @@ def _stretches(
     return inserted, (freed if blocked else inserted)
 
 
-def _hand_directions(visit: Visit, grasp: Grasp | None) -> tuple[Point, Point]:
+def _find_hand_directions(visit: Visit, grasp: Grasp | None) -> tuple[Point, Point]:
     """Return the directions in the world in which the hand points and its jaws close."""
     if grasp is not None:
         return unit(visit.pose.rotate(grasp.approach)), unit(visit.pose.rotate(grasp.closing))
@@ -339,7 +339,7 @@ def _hand_directions(visit: Visit, grasp: Grasp | None) -> tuple[Point, Point]:
     return points, unit(level) if math.hypot(*level) > 1e-6 else AXES["y"]
 
 
-def _closing_yaw_rad(visit: Visit, grasp: Grasp | None, closing: Point) -> float:
+def _find_closing_yaw_rad(visit: Visit, grasp: Grasp | None, closing: Point) -> float:
     """Return the closing direction of a hand that points down [rad]."""
     if grasp is None:
         return visit.yaw_rad + _NATURAL_YAW_RAD
@@ -348,7 +348,7 @@ def _closing_yaw_rad(visit: Visit, grasp: Grasp | None, closing: Point) -> float
     return math.atan2(closing[1], closing[0])
 
 
-def _tip(task: Task, visit: Visit, grasp: Grasp | None) -> Point:
+def _find_tip(task: Task, visit: Visit, grasp: Grasp | None) -> Point:
     """Return the position of the tip with the handled body at its goal [m]."""
     if grasp is not None:
         return visit.pose.apply(grasp.tip)
@@ -358,14 +358,14 @@ def _tip(task: Task, visit: Visit, grasp: Grasp | None) -> Point:
     return plus(visit.position, visit.along, -task.scene.body(visit.subject).height_m)
 
 
-def _at_height(point: Point, height_m: float) -> Point:
+def _raise_to(point: Point, height_m: float) -> Point:
     return (point[0], point[1], max(height_m, point[2]))
 
 
 _ROUNDING_M = 1e-6
 
 
-def widest_m(tool: Tool | None, hand: Hand = STANDARD_HAND) -> float:
+def find_opening_m(tool: Tool | None, hand: Hand = STANDARD_HAND) -> float:
     """Return the greatest opening of the jaws of a tool [m].
 
     Parameters
@@ -380,7 +380,7 @@ def widest_m(tool: Tool | None, hand: Hand = STANDARD_HAND) -> float:
     return min(tool.opening_m, hand.opening_m)
 
 
-def jaw_opening_m(
+def choose_opening_m(
     grasp: Grasp, clearance_m: float, tool: Tool | None, hand: Hand = STANDARD_HAND
 ) -> float:
     """Return the opening of the jaws about a part [m]; 0 for suction.
@@ -392,16 +392,16 @@ def jaw_opening_m(
     """
     if grasp.kind is GraspKind.SUCTION:
         return 0.0
-    return min(grasp.width_m + 2 * clearance_m, widest_m(tool, hand))
+    return min(grasp.width_m + 2 * clearance_m, find_opening_m(tool, hand))
 
 
-def too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
+def describe_too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
     """Return a message on a part of a skill that is wider than the jaws open, or None."""
     attached = skill.parameters.get("tool")
     tool = next((tool for tool in robot.tools if tool.name == attached), None)
-    for visit in _handled(skill):
-        grasp = visited_grasp(scene.body(visit.subject), visit)
-        opening_m = widest_m(tool, robot.hand)
+    for visit in _list_handled(skill):
+        grasp = choose_visit_grasp(scene.body(visit.subject), visit)
+        opening_m = find_opening_m(tool, robot.hand)
         if grasp.kind is GraspKind.JAWS and grasp.width_m > opening_m + _ROUNDING_M:
             return (
                 f"{visit.subject} is {grasp.width_m:.3f} m wide between the jaws, and they open "
@@ -410,22 +410,22 @@ def too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
     return None
 
 
-def jaw_faults(task: Task) -> dict[str, str]:
+def find_jaw_faults(task: Task) -> dict[str, str]:
     """Return messages on parts that are too wide for the only robot, by a fact about each."""
     faults: dict[str, str] = {}
     scene = task.scene
     for skill in task.skills:
         ways = [skill.by(way) for way in skill.ways] or [skill]
-        reasons = [too_wide(scene, scene.robots[0], variant) for variant in ways]
+        reasons = [describe_too_wide(scene, scene.robots[0], variant) for variant in ways]
         # A part may be too wide for one grasp and fit another.
         words = reasons[0] if all(reasons) else None
-        for visit in _handled(skill) if words is not None else ():
+        for visit in _list_handled(skill) if words is not None else ():
             first = scene.body(visit.subject).placements[0].fact
             faults.setdefault(task.operations.get(visit.subject, first), f"{words}.")
     return faults
 
 
-def _handled(skill: Skill) -> Iterator[Visit]:
+def _list_handled(skill: Skill) -> Iterator[Visit]:
     """Yield the visits at which a skill grasps or releases a part."""
     for route in skill.motion.routes if skill.motion is not None else ():
         for visit in route.visits:
@@ -441,7 +441,7 @@ _PAD_HEIGHT_M: Final = 0.006
 _SHANK_DIAMETER_M: Final = 0.036
 
 
-def tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ...]:
+def build_tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ...]:
     """Return the shapes of a tool from its tip, z up; empty for a gripper.
 
     The paper gives no dimensions of its tools; these are plausible, not measured.

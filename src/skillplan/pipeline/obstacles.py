@@ -19,8 +19,8 @@ from skillplan.domains.load import Problem
 from skillplan.errors import BackEndError, Issue, PluginError
 from skillplan.model.obstruction import explain_obstruction
 from skillplan.model.skill_model import SkillModel
-from skillplan.physics.kinematic import surely_reached
-from skillplan.physics.linear_motions import too_wide
+from skillplan.physics.kinematic import is_surely_reached
+from skillplan.physics.linear_motions import describe_too_wide
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.pipeline.solving import make_feasibility
 from skillplan.records.questions import DerivedOrder, Preview
@@ -63,7 +63,7 @@ def warn_never_feasible(
         )
         for skill, why in order.never.items()
         if skill not in known
-        and too_wide(task.scene, task.scene.robots[0], task.skill(skill)) is None
+        and describe_too_wide(task.scene, task.scene.robots[0], task.skill(skill)) is None
     )
 
 
@@ -112,7 +112,7 @@ def _find_unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
         for component in task.operations
         for skill in hypothetical.chain(component)
         # The checks of the file report parts too wide for jaws.
-        if too_wide(task.scene, task.scene.robots[0], skill) is None
+        if describe_too_wide(task.scene, task.scene.robots[0], skill) is None
     ]
     queries = [query for query in queries if not _is_surely_reached(task, query)]
     if not queries:
@@ -127,7 +127,7 @@ def _find_unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
 
 def _is_surely_reached(task: Task, query: PrecedenceQuery) -> bool:
     """Return whether the arm surely reaches a skill; its model, which loads slowly, is not used."""
-    return surely_reached(task, query.skill, query.hypothetical.before(query.skill, ()))
+    return is_surely_reached(task, query.skill, query.hypothetical.before(query.skill, ()))
 
 
 def _check_never(query: PrecedenceQuery) -> CheckSteps[Verdict]:

@@ -60,14 +60,14 @@ class Rigid:
 
     def then(self, other: Rigid) -> Rigid:
         """Return a transform of this frame in the parent frame."""
-        columns = [self.rotate(_column(other.rows, number)) for number in range(3)]
+        columns = [self.rotate(_get_column(other.rows, number)) for number in range(3)]
         (a, b, c), (d, e, f), (g, h, i) = columns
         return Rigid(((a, d, g), (b, e, h), (c, f, i)), self.apply(other.origin))
 
     def turned(self, tensor: Matrix) -> Matrix:
         """Return a tensor of this frame along the axes of the parent frame."""
         half = [self.rotate(row) for row in tensor]
-        columns = [self.rotate(_column((half[0], half[1], half[2]), n)) for n in range(3)]
+        columns = [self.rotate(_get_column((half[0], half[1], half[2]), n)) for n in range(3)]
         return (columns[0], columns[1], columns[2])
 
     @property
@@ -94,7 +94,7 @@ class Mass:
         return Mass(self.kg, frame.apply(self.centre), frame.turned(self.tensor))
 
 
-def together(masses: Sequence[Mass]) -> Mass:
+def sum_masses(masses: Sequence[Mass]) -> Mass:
     """Return the sum of masses in one frame (Huygens and Steiner).
 
     Parameters
@@ -116,7 +116,7 @@ def together(masses: Sequence[Mass]) -> Mass:
     return Mass(kg, (x, y, z), ((a, b, c), (d, e, f), (g, h, i9)))
 
 
-def _column(rows: Matrix, number: int) -> Triple:
+def _get_column(rows: Matrix, number: int) -> Triple:
     return (rows[0][number], rows[1][number], rows[2][number])
 
 
@@ -145,7 +145,7 @@ class UrdfError(Exception):
         super().__init__(message if line is None else f"line {line}: {message}")
 
 
-def named(root: Element, tag: str) -> dict[str, Element]:
+def index_by_name(root: Element, tag: str) -> dict[str, Element]:
     """Return the elements with a tag by name.
 
     Raises
@@ -164,7 +164,7 @@ def named(root: Element, tag: str) -> dict[str, Element]:
     return elements
 
 
-def number(
+def read_number(
     element: Element, key: str, default: float | None = None, most: float = MOST_NUMBER
 ) -> float:
     """Return a number of an element's attribute.
@@ -184,10 +184,10 @@ def number(
     text = element.attributes.get(key)
     if text is None and default is not None:
         return default
-    return _bounded(element, key, text, most)
+    return _parse_bounded(element, key, text, most)
 
 
-def numbers(element: Element, key: str, default: Triple, most: float = MOST_NUMBER) -> Triple:
+def read_numbers(element: Element, key: str, default: Triple, most: float = MOST_NUMBER) -> Triple:
     """Return three numbers of an element's attribute.
 
     Raises
@@ -201,20 +201,22 @@ def numbers(element: Element, key: str, default: Triple, most: float = MOST_NUMB
     words = text.split()
     if len(words) != 3:
         raise UrdfError(f"{key}={text[:40]!r} are not three numbers", line=element.line)
-    x, y, z = (_bounded(element, key, word, most) for word in words)
+    x, y, z = (_parse_bounded(element, key, word, most) for word in words)
     return (x, y, z)
 
 
-def pose_of(element: Element) -> Rigid:
+def read_pose(element: Element) -> Rigid:
     """Return the pose in the <origin> of an element; identity without one."""
     origin = element.first("origin")
     if origin is None:
         return Rigid()
     zero = (0.0, 0.0, 0.0)
-    return Rigid.of(numbers(origin, "xyz", zero, MOST_LENGTH_M), numbers(origin, "rpy", zero))
+    return Rigid.of(
+        read_numbers(origin, "xyz", zero, MOST_LENGTH_M), read_numbers(origin, "rpy", zero)
+    )
 
 
-def _bounded(element: Element, key: str, text: str | None, most: float) -> float:
+def _parse_bounded(element: Element, key: str, text: str | None, most: float) -> float:
     # `float` also accepts other scripts' digits and underscores, unlike other readers of URDF.
     digits = "" if text is None else text.strip(" \t\r\n")
     value = float(digits) if _DECIMAL.fullmatch(digits) else math.nan
@@ -231,7 +233,7 @@ def _bounded(element: Element, key: str, text: str | None, most: float) -> float
 _ONE_URDF: Triple = (1.0, 1.0, 1.0)
 
 
-def shapes_of(
+def read_shapes(
     link: Element, frame: Rigid, read_mesh: Callable[[str, Triple], tuple[Triple, ...]]
 ) -> list[LinkShape]:
     """Return the collision shapes of a link.
@@ -256,17 +258,17 @@ def shapes_of(
             name = link.attributes["name"]
             raise UrdfError(f"a <collision> of link {name!r} has no shape", line=collision.line)
         try:
-            shapes.append(_shape(shape, frame.then(pose_of(collision)), read_mesh))
+            shapes.append(_read_shape(shape, frame.then(read_pose(collision)), read_mesh))
         except ValueError as error:
             raise UrdfError(str(error).rstrip("."), line=shape.line) from None
     return shapes
 
 
-def _shape(
+def _read_shape(
     shape: Element, frame: Rigid, read_mesh: Callable[[str, Triple], tuple[Triple, ...]]
 ) -> LinkShape:
     if shape.tag == "box":
-        sides = numbers(shape, "size", (0.0, 0.0, 0.0), MOST_LENGTH_M)
+        sides = read_numbers(shape, "size", (0.0, 0.0, 0.0), MOST_LENGTH_M)
         if min(sides) <= 0:
             raise ValueError(f"a box has the size {sides}")
         corners = [
@@ -275,15 +277,16 @@ def _shape(
         ]
         return Hull(tuple(corners))
     if shape.tag == "sphere":
-        return Capsule(frame.origin, frame.origin, number(shape, "radius", most=MOST_LENGTH_M))
+        return Capsule(frame.origin, frame.origin, read_number(shape, "radius", most=MOST_LENGTH_M))
     if shape.tag == "cylinder":
-        half_m = number(shape, "length", most=MOST_LENGTH_M) / 2
+        half_m = read_number(shape, "length", most=MOST_LENGTH_M) / 2
         ends = frame.apply((0.0, 0.0, -half_m)), frame.apply((0.0, 0.0, half_m))
-        return Rod(*ends, number(shape, "radius", most=MOST_LENGTH_M))
+        return Rod(*ends, read_number(shape, "radius", most=MOST_LENGTH_M))
     if shape.tag == "mesh":
         name = shape.attributes.get("filename", "")
         corners = [
-            frame.apply(corner) for corner in read_mesh(name, numbers(shape, "scale", _ONE_URDF))
+            frame.apply(corner)
+            for corner in read_mesh(name, read_numbers(shape, "scale", _ONE_URDF))
         ]
         return Hull(tuple(corners))
     raise ValueError(f"<{shape.tag}> is no shape of a link; give box, cylinder, sphere or mesh")
@@ -337,8 +340,8 @@ class _Tree:
     def __init__(self, root: Element, read_mesh: ReadMesh) -> None:
         self.name = root.attributes.get("name") or "robot"
         self.read_mesh = read_mesh
-        self.links = named(root, "link")
-        self.joints = named(root, "joint")
+        self.links = index_by_name(root, "link")
+        self.joints = index_by_name(root, "joint")
         self.above: dict[str, Element] = {}
         if len(self.links) > _MOST_LINKS:
             raise UrdfError(f"it has more than {_MOST_LINKS} links; keep the arm alone")
@@ -373,14 +376,14 @@ class _Tree:
         joints: list[Joint] = []
         before = Rigid()
         for joint in chain:
-            before = before.then(pose_of(joint))
+            before = before.then(read_pose(joint))
             if joint.attributes["type"] == "fixed":
                 continue
             child = joint.first("child")
             assert child is not None
             bodies.append(self._body(child.attributes["link"], Rigid()))
-            inertia = _inertia(joint, bodies[-1][0])
-            joints.append(_joint(joint, before.transform, inertia))
+            inertia = _build_inertia(joint, bodies[-1][0])
+            joints.append(_build_joint(joint, before.transform, inertia))
             before = Rigid()
         return self._described(joints, before.transform, home_rad, bodies)
 
@@ -438,7 +441,7 @@ class _Tree:
         return tip
 
     def _below(self, link: str) -> list[Element]:
-        return [joint for joint in self.joints.values() if _end(joint, "parent") == link]
+        return [joint for joint in self.joints.values() if _get_end(joint, "parent") == link]
 
     def _chain(self, tip: str) -> list[Element]:
         """Return the joints from the base to a link."""
@@ -450,7 +453,7 @@ class _Tree:
                 words = f"joint {joint.attributes['name']!r} is part of a loop, which no arm has"
                 raise UrdfError(words, line=joint.line)
             chain.append(joint)
-            link = _end(joint, "parent")
+            link = _get_end(joint, "parent")
         if not chain:
             raise UrdfError(f"nothing leads to {tip!r}; give the link at the arm's end", key="tip")
         return chain[::-1]
@@ -463,11 +466,11 @@ class _Tree:
     def _body(self, link: str, frame: Rigid) -> tuple[list[Mass], list[LinkShape]]:
         """Return masses and shapes of a link and of all links fixed to it, in a frame."""
         element = self.links[link]
-        masses = [mass.seen_from(frame) for mass in _masses(element)]
-        shapes = shapes_of(element, frame, self.read_mesh)
+        masses = [mass.seen_from(frame) for mass in _read_masses(element)]
+        shapes = read_shapes(element, frame, self.read_mesh)
         for joint in self._fixed:
-            if _end(joint, "parent") == link:
-                others = self._body(_end(joint, "child"), frame.then(pose_of(joint)))
+            if _get_end(joint, "parent") == link:
+                others = self._body(_get_end(joint, "child"), frame.then(read_pose(joint)))
                 masses += others[0]
                 shapes += others[1]
         return masses, shapes
@@ -483,7 +486,7 @@ def _refuse_xacro(root: Element) -> None:
         )
 
 
-def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
+def _build_joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
     name = joint.attributes["name"]
     limit = joint.first("limit")
     if limit is None:
@@ -491,13 +494,13 @@ def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
     if joint.attributes["type"] == "continuous":
         low, high = -_FULL_TURN, _FULL_TURN
     else:
-        low, high = number(limit, "lower", 0.0), number(limit, "upper", 0.0)
-    speed = number(limit, "velocity")
+        low, high = read_number(limit, "lower", 0.0), read_number(limit, "upper", 0.0)
+    speed = read_number(limit, "velocity")
     if 0 < speed < _LEAST_SPEED_RAD_PER_S:
         words = f"joint {name!r} turns at {speed:g} rad/s; {_LEAST_SPEED_RAD_PER_S:g} is the least"
         raise UrdfError(words, line=limit.line)
     axis = joint.first("axis")
-    direction = (1.0, 0.0, 0.0) if axis is None else numbers(axis, "xyz", (1.0, 0.0, 0.0))
+    direction = (1.0, 0.0, 0.0) if axis is None else read_numbers(axis, "xyz", (1.0, 0.0, 0.0))
     length = math.hypot(*direction)
     if length < 1e-9:
         raise UrdfError(f"joint {name!r} has an axis of length 0", line=joint.line)
@@ -510,7 +513,7 @@ def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
             speed,
             speed / _SPEEDING_UP_S,
             # Files of industrial arms often have no effort, or an effort of 0.
-            number(limit, "effort", 0.0, most=math.inf) or None,
+            read_number(limit, "effort", 0.0, most=math.inf) or None,
             link,
             (direction[0] / length, direction[1] / length, direction[2] / length),
         )
@@ -518,29 +521,29 @@ def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
         raise UrdfError(str(error).rstrip("."), line=limit.line) from None
 
 
-def _masses(link: Element) -> list[Mass]:
+def _read_masses(link: Element) -> list[Mass]:
     inertial = link.first("inertial")
     if inertial is None:
         return []
     mass, inertia = inertial.first("mass"), inertial.first("inertia")
-    kg = 0.0 if mass is None else number(mass, "value")
+    kg = 0.0 if mass is None else read_number(mass, "value")
     if kg == 0.0:
         return []
     if kg < 0 or inertia is None:
         words = f"link {link.attributes['name']!r} has no mass and inertia that a body has"
         raise UrdfError(words, line=inertial.line)
     xx, yy, zz, xy, xz, yz = (
-        number(inertia, key, 0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        read_number(inertia, key, 0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     )
     own = Mass(kg, (0.0, 0.0, 0.0), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
-    return [own.seen_from(pose_of(inertial))]
+    return [own.seen_from(read_pose(inertial))]
 
 
-def _inertia(joint: Element, masses: list[Mass]) -> LinkInertia:
-    link = _end(joint, "child")
+def _build_inertia(joint: Element, masses: list[Mass]) -> LinkInertia:
+    link = _get_end(joint, "child")
     if not masses:
         raise UrdfError(f"link {link!r} has no mass; give it <inertial>", line=joint.line)
-    whole = together(masses)
+    whole = sum_masses(masses)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = whole.tensor
     try:
         return LinkInertia(whole.kg, whole.centre, (xx, yy, zz, xy, xz, yz))
@@ -548,7 +551,7 @@ def _inertia(joint: Element, masses: list[Mass]) -> LinkInertia:
         raise UrdfError(f"link {link!r}: {str(error).rstrip('.')}", line=joint.line) from None
 
 
-def _end(joint: Element, which: str) -> str:
+def _get_end(joint: Element, which: str) -> str:
     element = joint.first(which)
     assert element is not None
     return element.attributes["link"]

@@ -41,8 +41,8 @@ from .search.exact import ExactSolver as ExactSolver
 from .search.exhaustive import ExhaustiveSolver as ExhaustiveSolver
 from .search.landmark_bound import COST_UNIT as COST_UNIT
 from .search.landmark_bound import LandmarkBound as LandmarkBound
-from .search.landmark_bound import from_units as from_units
-from .search.landmark_bound import to_units as to_units
+from .search.landmark_bound import convert_from_units as convert_from_units
+from .search.landmark_bound import convert_to_units as convert_to_units
 from .solution import Plan as Plan
 from .solution import Policy as Policy
 from .solution import Solution as Solution
@@ -92,9 +92,10 @@ __all__ = [
     "allowed_scores",
     "allowing",
     "compiled",
+    "convert_from_units",
+    "convert_to_units",
     "deviation",
     "double_rows",
-    "from_units",
     "greedy_rows",
     "is_certain",
     "lookup_network",
@@ -104,6 +105,5 @@ __all__ = [
     "reachable_policy",
     "relative_gap",
     "take_rows",
-    "to_units",
     "usual_steps",
 ]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_boxes
-from skillplan.physics.linear_motions import LinearMotion, linear_motions, visited_grasp
+from skillplan.physics.linear_motions import LinearMotion, choose_visit_grasp, plan_linear_motions
 from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import WORLD, Body, Box, Grasp, GraspKind, Placement, Pose
@@ -98,7 +98,7 @@ def make_blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
     event = motion.visit.event
     if event in (Event.GRASP, Event.RELEASE):
         body = task.scene.body(motion.visit.subject)
-        grasp = visited_grasp(body, motion.visit)
+        grasp = choose_visit_grasp(body, motion.visit)
         if grasp.kind is GraspKind.JAWS:
             yield from _block_jaws(motion, grasp)
         elif event is Event.GRASP:
@@ -123,7 +123,7 @@ def make_blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
     if not motion.is_vertical or motion.visit.event not in (Event.GRASP, Event.RELEASE):
         return
     body = task.scene.body(motion.visit.subject)
-    grasp = visited_grasp(body, motion.visit)
+    grasp = choose_visit_grasp(body, motion.visit)
     jaws = grasp.kind is GraspKind.JAWS
     beneath_m = grasp.width_m / 2 + _BEHIND_JAW_M + _BLOCK_M / 2
     for side in (1, -1):
@@ -257,7 +257,7 @@ def inject_collisions(task: Task, skill: Skill, state: State) -> Iterator[Trial]
     if skill.motion is None:
         return
     standing = find_standing_boxes(task, state)
-    for motion in linear_motions(task, skill, state):
+    for motion in plan_linear_motions(task, skill, state):
         for block in make_blocks_on_path(task, motion):
             scene = _add_block(task, skill, state, motion, block, standing)
             if scene is not None:
@@ -271,7 +271,7 @@ def inject_near_misses(task: Task, skill: Skill, state: State) -> Iterator[Trial
     if skill.motion is None:
         return
     standing = find_standing_boxes(task, state)
-    for motion in linear_motions(task, skill, state):
+    for motion in plan_linear_motions(task, skill, state):
         for block in make_blocks_close_by(task, motion):
             scene = _add_block(task, skill, state, motion, block, standing)
             if scene is not None:
@@ -389,7 +389,7 @@ def _make_other_faults(
     if visit.event not in (Event.GRASP, Event.RELEASE):
         return
     body = task.scene.body(visit.subject)
-    grasp = visited_grasp(body, visit)
+    grasp = choose_visit_grasp(body, visit)
     if grasp.kind is GraspKind.JAWS and motion.is_vertical and visit.grasp is None:
         too_deep = replace(grasp, tip=(grasp.tip[0], grasp.tip[1], -0.004))
         words = f"the hand reaches 4 mm below {body.name}"

@@ -10,7 +10,7 @@ from example_count import examples
 from situations import assembly, model_of, small_assemblies
 from skillplan.collision import AabbDetector
 from skillplan.domains.assembly import AssemblyConfig, find_hints
-from skillplan.domains.load import _content_hash
+from skillplan.domains.load import _hash_content
 from skillplan.model import replay
 from skillplan.pipeline import Setup, solve
 from skillplan.testing import lid_content
@@ -147,4 +147,4 @@ def test_doubling_a_dwell_of_one_part_adds_exactly_that_to_the_least_cycle_time(
 def test_a_file_without_the_later_keys_keeps_its_hash(given_keys, sha256):
     """So that results of earlier versions are still of the same task."""
     config = AssemblyConfig.model_validate(lid_content() | given_keys)
-    assert _content_hash(config)[:12] == sha256
+    assert _hash_content(config)[:12] == sha256

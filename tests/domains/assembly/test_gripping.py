@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from situations import assembly, config_content
 from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
-from skillplan.physics import grasp_of, jaws_about
+from skillplan.physics import choose_grasp, grasp_boxes
 from skillplan.task import AXES, Box, Cylinder, Grasp, GraspKind, ToolKind
 from skillplan.testing import lid_content
 
@@ -91,7 +91,7 @@ def test_the_hands_own_choice_is_the_file_s():
         }
         for body in assembly(content).scene.bodies:
             if body.grasp is not None:
-                assert body.grasp == jaws_about(body.boxes) == grasp_of(body)
+                assert body.grasp == grasp_boxes(body.boxes) == choose_grasp(body)
 
 
 def test_suction_holds_from_above():

@@ -15,9 +15,9 @@ from situations import config_content
 from skillplan.domains.assembly import (
     AssemblyConfig,
     AssemblyDomain,
-    distances_m,
     find_issues,
     get_layout,
+    measure_distances_m,
 )
 from skillplan.errors import OptionError, TaskError
 from skillplan.pipeline import Setup, load_problem, solve
@@ -80,10 +80,10 @@ class TestLayouts:
         """From where others lie and belong; where the file has less, no less than that."""
         config = config_of(start_shift_m=0.04, goal_shift_m=0.02, gap_m=0.03)
         assert config.family is not None
-        known_m = distances_m(config)
+        known_m = measure_distances_m(config)
         assert 0 < min(known_m.values()) < 0.03
         for layout in variants(config, seed):
-            for pair, apart_m in distances_m(layout).items():
+            for pair, apart_m in measure_distances_m(layout).items():
                 assert apart_m >= min(config.family.gap_m, known_m[pair]) - 1e-9
 
     def test_what_lies_on_a_part_moves_along_and_feeders_stay(self):

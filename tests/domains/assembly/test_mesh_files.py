@@ -19,7 +19,7 @@ from skillplan.domains.assembly import (
     ArmFileError,
     MeshFileError,
     mesh_files,
-    parsed,
+    parse_mesh,
     read_arm,
     read_mesh,
     robot_schema,
@@ -288,9 +288,9 @@ def test_a_mesh_that_an_arm_names_often_is_read_once_a_scale(tmp_path, monkeypat
 
     def count_reads(content, suffix):
         reads.append(suffix)
-        return parsed(content, suffix)
+        return parse_mesh(content, suffix)
 
-    monkeypatch.setattr(mesh_files, "parsed", count_reads)
+    monkeypatch.setattr(mesh_files, "parse_mesh", count_reads)
     arm = arm_of(tmp_path, *[0.1] * 100, 0.2)
     assert len(arm.shapes[3]) == 101
     assert arm.shapes[3][0] == arm.shapes[3][99] != arm.shapes[3][100]
@@ -303,9 +303,9 @@ def test_a_mesh_that_is_refused_is_read_once(tmp_path, monkeypatch):
 
     def count_reads(content, suffix):
         reads.append(suffix)
-        return parsed(content, suffix)
+        return parse_mesh(content, suffix)
 
-    monkeypatch.setattr(mesh_files, "parsed", count_reads)
+    monkeypatch.setattr(mesh_files, "parse_mesh", count_reads)
     (tmp_path / "open.obj").write_bytes(as_obj(WEDGE, WEDGE_FACES[1:]))
     for _ in range(3):
         with pytest.raises(MeshFileError, match="It is not closed"):

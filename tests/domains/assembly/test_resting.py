@@ -9,9 +9,9 @@ from skillplan.domains.assembly import (
     TABLE,
     AssemblyConfig,
     AssemblyDomain,
-    bearers_at_start,
+    find_bearers,
+    find_goal_rests,
     get_layout,
-    rests_at_goal,
 )
 from skillplan.errors import TaskError
 from skillplan.task import Pose
@@ -63,7 +63,7 @@ def test_a_board_rests_on_the_floor_of_a_case_between_its_walls():
     assert [] == messages(config)
     assert (0.5, 0.0, 0.003) == get_layout(config).goal("board").pose.position
     assert (0.52, 0.02, 0.005) == get_layout(config).goal("chip").pose.position
-    (rest,) = rests_at_goal(config, "board")
+    (rest,) = find_goal_rests(config, "board")
     assert ("case", pytest.approx(12_000)) == (rest.on, rest.area_m2 * 1e6)
 
 
@@ -73,7 +73,7 @@ def test_a_part_over_a_wall_rests_on_the_wall():
     config = config_of({"case": CASE, "cover": cover})
     assert [] == messages(config)
     assert 0.05 == get_layout(config).goal("cover").pose.position[2]
-    (rest,) = rests_at_goal(config, "cover")
+    (rest,) = find_goal_rests(config, "cover")
     assert pytest.approx(2 * 200 * 4 + 2 * 152 * 4) == rest.area_m2 * 1e6
 
 
@@ -88,7 +88,7 @@ def test_a_bridge_rests_on_all_that_a_list_names():
     config = config_of({**posts, "bridge": bridge})
     assert [] == messages(config)
     assert 0.04 == get_layout(config).goal("bridge").pose.position[2]
-    assert {"one", "two"} == {rest.on for rest in rests_at_goal(config, "bridge")}
+    assert {"one", "two"} == {rest.on for rest in find_goal_rests(config, "bridge")}
     config = config_of({**posts, "bridge": {**bridge, "goal_on": ["one", "two", "low"]}})
     message = "'bridge' does not lie on 'low', but 10.0 mm above it. Leave it out."
     assert [message] == messages(config)
@@ -103,7 +103,7 @@ def test_a_turned_part_without_z_rests_with_its_lowest_point():
         (0.47, 0.0, 0.013), (0.0, QUARTER, 0.0)
     )
     assert get_layout(config).start("shaft").pose.position == (0.2, 0.2, 0.01)
-    assert [("case", 0.0)] == [(r.on, r.area_m2) for r in rests_at_goal(config, "shaft")]
+    assert [("case", 0.0)] == [(r.on, r.area_m2) for r in find_goal_rests(config, "shaft")]
 
 
 def test_with_three_numbers_a_part_is_where_they_say():
@@ -117,7 +117,7 @@ def test_with_three_numbers_a_part_is_where_they_say():
     shaft = {**SHAFT, "goal_m": [0.46, 0.0, 0.03], "goal_rpy_rad": [0.0, QUARTER, 0.0]}
     config = config_of({"block": block, "shaft": shaft})
     assert [] == messages(config)
-    assert ["block"] == [rest.on for rest in rests_at_goal(config, "shaft")]
+    assert ["block"] == [rest.on for rest in find_goal_rests(config, "shaft")]
     config = config_of({"block": block, "shaft": {**shaft, "goal_m": [0.46, 0.0, 0.0335]}})
     (message,) = messages(config)
     assert "'shaft' and 'block' overlap by 3.5 mm at their goals. Move one." == message
@@ -131,7 +131,7 @@ def test_a_part_at_the_start_may_lie_anywhere_on_another():
         config = config_of({"tray": tray, "chip": chip})
         assert [] == messages(config)
         assert (0.35, 0.41, 0.01) == get_layout(config).start("chip").pose.position
-        assert ["tray"] == bearers_at_start(config, "chip")
+        assert ["tray"] == find_bearers(config, "chip")
         (task,) = AssemblyDomain().ground(config, "")
         pick = next(skill for skill in task.skills if skill.name == "pick(tray)")
         assert task.facts.bit("at_start(chip)") & pick.precondition.forbids.bits

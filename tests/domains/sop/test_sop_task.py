@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.chart import derive_chart
-from skillplan.domains.sop import NodeOrder, SopConfig, SopDomain, nodes_of
+from skillplan.domains.sop import NodeOrder, SopConfig, SopDomain, list_nodes
 from skillplan.errors import TaskError
 from skillplan.model import replay
 from skillplan.pipeline import Setup, load_problem, make_feasibility, make_model, solve
@@ -168,7 +168,7 @@ class TestTask:
         expected = {
             (before, node)
             for node, members in enumerate(order.immediate)
-            for before in nodes_of(members)
+            for before in list_nodes(members)
             if before
         }
         assert expected == results
@@ -281,7 +281,7 @@ class TestNodeOrder:
         assert all(
             place[other] < place[node]
             for node, members in enumerate(order.direct)
-            for other in nodes_of(members)
+            for other in list_nodes(members)
         )
 
 

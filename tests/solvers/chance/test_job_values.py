@@ -23,10 +23,10 @@ from skillplan.solvers.chance import (
     JobValues,
     JobValuesSolver,
     Ways,
-    feasible_sets,
-    retried,
-    tried_once,
-    values_of_sets,
+    assume_retries,
+    compute_set_values,
+    list_feasible_sets,
+    relax_to_one_try,
 )
 from skillplan.task import Facts
 from skillplan.testing import SolverSuite
@@ -90,8 +90,8 @@ def test_without_failures_values_are_least_costs():
     """Two jobs in any order: the cheaper way round."""
     costs = np.array([[np.inf, 5.0], [2.0, np.inf], [1.0, 3.0]])
     ways = Ways(costs, np.zeros(2), np.ones(2), ((), ()))
-    layers = feasible_sets((0, 0), 10, Stop())
-    after = values_of_sets(layers, (0, 0), ways, Stop())
+    layers = list_feasible_sets((0, 0), 10, Stop())
+    after = compute_set_values(layers, (0, 0), ways, Stop())
     assert after[1][0, 0] == 5.0
     assert after[1][1, 1] == 2.0
 
@@ -101,8 +101,8 @@ def test_a_job_that_often_fails_is_tried_again_or_put_off():
     # Job 1 is done; job 0 is left, begun from there or from where it was missed.
     costs = np.array([[np.inf, np.inf], [1.0, np.inf], [1.0, 9.0], [np.inf, 1.0]])
     ways = Ways(costs, np.array([4.0, 0.0]), np.array([0.5, 1.0]), (((0.5, 2),), ()))
-    layers = feasible_sets((0, 0), 10, Stop())
-    after = values_of_sets(layers, (0, 0), ways, Stop())
+    layers = list_feasible_sets((0, 0), 10, Stop())
+    after = compute_set_values(layers, (0, 0), ways, Stop())
     assert after[1][list(layers[1]).index(2), 1] == pytest.approx(6.0)
 
 
@@ -123,7 +123,7 @@ def test_what_is_done_between_jobs_may_not_fail(tmp_path):
     model = model_on(BoardGenerator(3, 0.0, 2, 1, failures=(0.3, 0.3), failing_share=1.0), tmp_path)
     task = model.task
     picks = next(skill for skill in task.skills if not skill.deterministic)
-    between = {skill.name for skill in ComponentJobs(retried(task)).connectors}
+    between = {skill.name for skill in ComponentJobs(assume_retries(task)).connectors}
     assert between
     skills = tuple(
         replace(skill, outcomes=_failing(skill.outcomes[0], picks.outcomes[1]))
@@ -132,7 +132,7 @@ def test_what_is_done_between_jobs_may_not_fail(tmp_path):
         for skill in task.skills
     )
     with pytest.raises(NotASequencing, match="which is part of no job, may fail"):
-        tried_once(replace(task, skills=skills))
+        relax_to_one_try(replace(task, skills=skills))
 
 
 def _failing(success: Any, failure: Any) -> tuple[Any, ...]:

@@ -25,11 +25,11 @@ from skillplan.solvers.chance import (
     CertainModel,
     OrdersAhead,
     ReplanSolver,
-    costs_to_go,
-    feasible_sets,
-    orders_ahead,
-    relaxed,
-    retried,
+    assume_retries,
+    compute_costs_to_go,
+    find_orders_ahead,
+    list_feasible_sets,
+    relax,
 )
 from skillplan.task import Facts, State
 
@@ -73,7 +73,7 @@ def met_by_chance(model: SkillModel, seed: int) -> list[State]:
 def test_it_knows_what_a_search_from_any_state_finds(board, seed, tmp_path_factory):
     """Also after a miss, with a part in hand, and with any tool."""
     model = model_on(board, tmp_path_factory.mktemp("board"))
-    certain = retried(model.task)
+    certain = assume_retries(model.task)
     ahead = OrdersAhead(CertainModel(model, certain), 1_000, Stop())
     plain = AdaptiveSearch(model, certain, Stop(), 100_000)
     for state in met_by_chance(model, seed):
@@ -123,11 +123,11 @@ def test_sets_hold_with_every_job_what_it_needs(needs):
         for item in everything
         if all(not item >> job & 1 or not need & ~item for job, need in enumerate(needs))
     }
-    layers = feasible_sets(needs, 100, Stop())
+    layers = list_feasible_sets(needs, 100, Stop())
     assert [int(node) for layer in layers for node in layer] == sorted(
         entries, key=lambda first: (first.bit_count(), first)
     )
-    assert feasible_sets(needs, len(entries) - 1, Stop()) == []
+    assert list_feasible_sets(needs, len(entries) - 1, Stop()) == []
 
 
 @given(needs=NEEDS, seed=st.integers(0, 1_000))
@@ -135,8 +135,8 @@ def test_what_is_to_pay_is_the_least_of_all_orders(needs, seed):
     count = len(needs)
     costs = np.random.default_rng(seed).uniform(0, 1, (count, count))
     costs[np.random.default_rng(seed).random((count, count)) < 0.2] = np.inf
-    layers = feasible_sets(needs, 100, Stop())
-    result = costs_to_go(layers, needs, costs, Stop())
+    layers = list_feasible_sets(needs, 100, Stop())
+    result = compute_costs_to_go(layers, needs, costs, Stop())
     for layer, table in zip(layers[1:], result[1:], strict=True):
         for done, row in zip(layer.tolist(), table, strict=True):
             for last in range(count):
@@ -159,16 +159,16 @@ def least(done: int, last: int, needs: tuple[int, ...], costs: Any) -> float:
 
 def test_where_there_are_no_jobs_or_too_many_sets_nothing_is_known(tmp_path):
     task = retry_task(0.25, 2.0)
-    assert orders_ahead(model_of(task), retried(task), 0, Stop()) is None
+    assert find_orders_ahead(model_of(task), assume_retries(task), 0, Stop()) is None
     facts = Facts(("one", "two"))
     skills = [
         make_skill(facts, name, forbids=(name,), outcomes=[(0.5, (name,), ()), (0.5, (), ())])
         for name in facts.names
     ]
     other = make_task(facts, skills, goal=facts.names)
-    assert orders_ahead(model_of(other), retried(other), 1_000, Stop()) is None
+    assert find_orders_ahead(model_of(other), assume_retries(other), 1_000, Stop()) is None
     model = model_on(BoardGenerator(4, 0.0, 1, 1), tmp_path)
-    certain = CertainModel(model, retried(model.task))
+    certain = CertainModel(model, assume_retries(model.task))
     with pytest.raises(NotASequencing, match="more than 15 sets of jobs"):
         OrdersAhead(certain, 15, Stop())
     assert OrdersAhead(certain, 16, Stop()).sets == 16
@@ -178,7 +178,7 @@ def test_what_verdicts_rest_on_is_noted_for_the_proof(tmp_path):
     """The order of jobs rests on verdicts, and so does a bound that is worked out with it."""
     board = BoardGenerator(5, 0.5, 1, 1, failures=(0.1, 0.4), failing_share=0.5)
     model = model_on(board, tmp_path)
-    certain = relaxed(model.task)
+    certain = relax(model.task)
     assert certain is not None
     certain_model = CertainModel(model, certain)
     assert not certain_model.questions

@@ -17,7 +17,13 @@ from skillplan.domains.assembly import BoardGenerator
 from skillplan.model import compute_least_expected_cost, evaluate_policy
 from skillplan.pipeline import load_problem, make_model
 from skillplan.solvers import Stop
-from skillplan.solvers.chance import AdaptiveSearch, ReplanSolver, relaxed, retried, why_not_retried
+from skillplan.solvers.chance import (
+    AdaptiveSearch,
+    ReplanSolver,
+    assume_retries,
+    refuse_retries,
+    relax,
+)
 from skillplan.task import CaseCost, Facts
 from skillplan.testing import SolverSuite
 
@@ -83,7 +89,7 @@ def test_after_a_miss_another_part_may_come_first():
 def test_later_searches_live_on_earlier_ones(board):
     """From wherever a grasp may fail: half the states that searches from there alone expand."""
     model = make_model(board)
-    search = AdaptiveSearch(model, retried(board), Stop(), 100_000)
+    search = AdaptiveSearch(model, assume_retries(board), Stop(), 100_000)
     state, missed = model.initial, []
     while not model.is_goal(state):
         skill = search.skill(state)
@@ -94,7 +100,7 @@ def test_later_searches_live_on_earlier_ones(board):
     assert missed
     alone = 0
     for miss in missed:
-        fresh = AdaptiveSearch(model, retried(board), Stop(), 100_000)
+        fresh = AdaptiveSearch(model, assume_retries(board), Stop(), 100_000)
         assert fresh.cost(miss) == pytest.approx(search.cost(miss), abs=1e-12)
         alone += fresh.expanded
     assert search.expanded - first < alone / 2
@@ -102,7 +108,7 @@ def test_later_searches_live_on_earlier_ones(board):
 
 def test_a_plan_costs_what_following_it_without_replanning_does():
     task = retry_task(0.25, 2.0)
-    assert AdaptiveSearch(model_of(task), retried(task), Stop(), 100).cost(
+    assert AdaptiveSearch(model_of(task), assume_retries(task), Stop(), 100).cost(
         task.initial
     ) == pytest.approx(8.0)
 
@@ -113,7 +119,7 @@ def test_what_cannot_be_tried_again_is_refused_in_words():
     outcomes = [(0.5, ("done",), ()), (0.5, (), ("whole",))]
     skills = [make_skill(facts, "try", requires=("whole",), outcomes=outcomes)]
     task = make_task(facts, skills, goal=("done",), initial=("whole",))
-    why = why_not_retried(task)
+    why = refuse_retries(task)
     assert why == "a failure changes whole, which try asks for"
     refusal = ReplanSolver().refuses(model_of(task))
     assert refusal is not None
@@ -135,8 +141,8 @@ def test_where_failing_saves_something_no_bound_is_claimed():
     by_place = CaseCost({facts.bit("near"): 1.0, facts.bit("far"): 100.0})
     skills[1] = replace(skills[1], cost=by_place)
     task = make_task(facts, skills, goal=("first", "second"), initial=("far",))
-    assert why_not_retried(task) is None
-    assert relaxed(task) is None
+    assert refuse_retries(task) is None
+    assert relax(task) is None
     model = model_of(task)
     solution = ReplanSolver().solve(model)
     assert solution.lower_bound is None

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering import NO_ARC, CutRelaxation, repaired, tighten
+from skillplan.solvers.ordering import NO_ARC, CutRelaxation, repair, tighten
 
 
 def never():
@@ -113,7 +113,7 @@ def test_any_prices_become_valid_duals(instance, seed):
     reduced = np.where(instance.costs < NO_ARC, instance.costs, np.inf)
     reduced[:-1] -= leaving[:, None]
     reduced[:, 1:] -= reaching
-    assert_valid(repaired(float(leaving.sum() + reaching.sum()), reduced), all_orders(instance))
+    assert_valid(repair(float(leaving.sum() + reaching.sum()), reduced), all_orders(instance))
 
 
 def test_cuts_that_do_not_matter_are_dropped_and_the_bound_stays_valid():

@@ -10,10 +10,10 @@ from ordering_instances import all_orders
 from skillplan.solvers.ordering import (
     Annealing,
     OrderingInstance,
-    cheapest_first,
+    build_greedy,
     descend_again,
-    followers,
-    nearest,
+    find_followers,
+    find_nearest,
     note_reversals,
 )
 from skillplan.solvers.ordering.local_search.iterated_descent import _added, _exchange
@@ -23,7 +23,7 @@ def kicked(instance, order, seed, kicks=60):
     """Return the last and the best order, and the cost that was told."""
     now, best = np.array(order), np.array(order)
     random = np.array([2 * seed + 1], dtype=np.uint64)
-    arrays = (instance.costs, instance.before, nearest(instance), followers(instance))
+    arrays = (instance.costs, instance.before, find_nearest(instance), find_followers(instance))
     message = descend_again(now, best, *arrays, kicks, 10.0, 0.5, random)
     return now, best, message
 
@@ -46,7 +46,7 @@ def loose(n, seed, skew=0.0):
 def test_orders_stay_feasible_and_cost_what_is_told(n, seed, skew):
     """The last as well as the best, whether or not a direction costs more."""
     instance = loose(n, seed, skew)
-    order = cheapest_first(instance)
+    order = build_greedy(instance)
     now, best, message = kicked(instance, order, seed)
     for item in (now, best):
         assert sorted(item.tolist()) == list(range(n))
@@ -82,13 +82,13 @@ def test_many_moves_are_several_runs_and_each_begins_hot():
     """Another run from the best finds more than a longer one; its schedule is the next."""
     instance = loose(12, 3)
     counts = [
-        sum(moves for _, moves in Annealing(instance, 0).portions(cheapest_first(instance), 1e3, m))
+        sum(moves for _, moves in Annealing(instance, 0).portions(build_greedy(instance), 1e3, m))
         for m in (1_000, 2_500_000)
     ]
     assert counts[0] <= 1_000
     assert 0.9 * 2_500_000 <= counts[1] <= 2_500_000
     annealing = Annealing(instance, 0)
-    for _ in annealing.portions(cheapest_first(instance), 1e3, 2_500_000):
+    for _ in annealing.portions(build_greedy(instance), 1e3, 2_500_000):
         pass
     assert annealing._turn == 2
 
@@ -112,7 +112,7 @@ def random_of_hundred(seed):
 def test_a_hundred_nodes_come_within_three_percent_of_the_best_seen(seed, minimum):
     """The best of many minutes by several seeds; here four million moves."""
     instance = random_of_hundred(seed)
-    order = cheapest_first(instance)
+    order = build_greedy(instance)
     for best, _ in Annealing(instance, 0).portions(order, instance.cost(order), 4_000_000):
         cost = instance.cost(best)
     assert cost <= 1.03 * minimum
@@ -122,7 +122,7 @@ def test_it_descends_to_an_end_where_directions_cost_differently():
     """No exchange is taken for a gain that is none, or it would be made and unmade for ever."""
     for seed in range(20):
         instance = loose(40, seed, skew=30.0)
-        _, best, message = kicked(instance, cheapest_first(instance), seed, kicks=200)
+        _, best, message = kicked(instance, build_greedy(instance), seed, kicks=200)
         assert abs(message - instance.cost(best)) <= 1e-9 * message
 
 
@@ -142,6 +142,6 @@ def test_it_finds_the_best_order_both_ways_alike():
 def test_the_same_state_of_chance_makes_the_same_kicks():
     """The last order, the best and its cost."""
     instance = loose(20, 1)
-    runs = [kicked(instance, cheapest_first(instance), 5) for _ in range(2)]
+    runs = [kicked(instance, build_greedy(instance), 5) for _ in range(2)]
     for run, other in zip(*runs, strict=True):
         assert np.array_equal(run, other)

@@ -17,12 +17,12 @@ from skillplan.solvers.ordering import (
     PairPrices,
     PairRelaxation,
     TwoEndedSearch,
-    beam,
-    charges_of,
-    open_pairs,
+    build_charges,
+    find_open_pairs,
+    find_violated_triples,
+    run_beam,
     separate_between,
     tighten,
-    violated_triples,
 )
 
 MUCH = 10**9
@@ -62,7 +62,7 @@ def beyond(duals, order):
 
 def spent(duals, order):
     """Return what the search over subsets says was spent, after each node of an order."""
-    charges = charges_of(duals)
+    charges = build_charges(duals)
     sums = [0.0]
     for place in range(1, len(order)):
         last, node, visited = order[place - 1], order[place], set(order[:place])
@@ -130,7 +130,7 @@ def test_with_its_prices_both_searches_over_subsets_find_the_optimum_or_prove_th
         return
     duals = duals.without(cutoff)
     met = TwoEndedSearch(instance, duals, cutoff).run(10**6, never)
-    search = beam(instance, duals, cutoff, 10**5, never)
+    search = run_beam(instance, duals, cutoff, 10**5, never)
     assert met.whole
     assert search.whole
     for order, bound in ((met.order, met.bound), (search.order, search.bound)):
@@ -149,7 +149,7 @@ def test_every_order_keeps_every_cut_between_nodes(instance, seed):
     rng = np.random.default_rng(seed)
     n = instance.n
     taken = rng.random((n, n)) * (rng.random((n, n)) < 0.4)
-    earlier = np.where(open_pairs(instance), rng.random((n, n)), instance.before)
+    earlier = np.where(find_open_pairs(instance), rng.random((n, n)), instance.before)
     tails, heads = np.nonzero(taken)
     nodes = np.argwhere(~np.eye(n, dtype=np.bool_) & ~instance.before.T)
     arrive, depart, violated = separate_between(
@@ -183,11 +183,11 @@ def test_every_order_is_transitive(instance):
         earlier = (rank[:, None] < rank).astype(np.float64)
         taken = np.zeros((n, n))
         taken[arcs_of(order)] = 1.0
-        assert not len(violated_triples(earlier, taken, 1e-9)[0])
+        assert not len(find_violated_triples(earlier, taken, 1e-9)[0])
     circle = np.zeros((n, n))
     circle[1, 2] = circle[2, 3] = circle[3, 1] = 1.0
     if n > 4:
-        assert len(violated_triples(circle, np.zeros((n, n)), 0.5)[0]) == 3
+        assert len(find_violated_triples(circle, np.zeros((n, n)), 0.5)[0]) == 3
 
 
 def test_pairs_prove_more_than_arcs_do():

@@ -32,8 +32,8 @@ from skillplan.solvers.ordering import (
     TwoEndedSearch,
     parallel_search,
     portfolio,
+    run_in_parallel,
     search_worker,
-    side_by_side,
 )
 from skillplan.workers import Answer, Ended, Executor, list_descendants
 from sop_instances import BEST_KNOWN, instance
@@ -277,7 +277,7 @@ class TestBothEnds:
             raise MemoryError("too many labels")
 
         with pytest.raises(MemoryError, match="too many labels"):
-            side_by_side([lambda stop: 1, fail], lambda: False)
+            run_in_parallel([lambda stop: 1, fail], lambda: False)
 
     def test_threads_hear_of_a_stop_and_only_this_one_asks(self):
         """Whoever asks may draw on what belongs to this thread."""
@@ -294,7 +294,7 @@ class TestBothEnds:
                 time.sleep(0.001)
             return "stopped"
 
-        assert side_by_side([wait, wait], stop) == ["stopped", "stopped"]
+        assert run_in_parallel([wait, wait], stop) == ["stopped", "stopped"]
         assert asked_in == {threading.get_ident()}
 
 

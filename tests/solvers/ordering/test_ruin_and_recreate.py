@@ -6,14 +6,14 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import all_orders, instance_of, orderings
-from skillplan.solvers.ordering import OrderingInstance, followers, improve, nearest
+from skillplan.solvers.ordering import OrderingInstance, find_followers, find_nearest, improve
 
 
 def improved(instance, order, seed, iterations=300, moves=0.5):
     """Return the last and the best order, and the cost that was told."""
     now, best = np.array(order), np.array(order)
     random = np.array([2 * seed + 1], dtype=np.uint64)
-    arrays = (instance.costs, instance.before, nearest(instance))
+    arrays = (instance.costs, instance.before, find_nearest(instance))
     message = improve(now, best, *arrays, iterations, 10.0, 0.01, moves, random)
     return now, best, message
 
@@ -64,5 +64,5 @@ def test_followers_leave_out_what_is_implied():
     """Of 1 before 2 before 3 and 1 before 3, the last goes without saying."""
     before = np.zeros((6, 6), dtype=bool)
     before[[1, 2, 1, 1], [2, 3, 3, 4]] = True
-    follow = followers(OrderingInstance(np.ones((6, 6)), before))
+    follow = find_followers(OrderingInstance(np.ones((6, 6)), before))
     assert [[node for node in row if node >= 0] for row in follow] == [[], [2, 4], [3], [], [], []]

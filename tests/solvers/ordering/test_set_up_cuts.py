@@ -17,8 +17,8 @@ from skillplan.solvers.ordering import (
     JobOrders,
     OrderingInstance,
     PairRelaxation,
-    least_changes,
-    set_up_cuts,
+    count_changes,
+    find_set_up_cuts,
     tighten,
 )
 from skillplan.solvers.ordering.relaxation import precedence_cuts as counted
@@ -42,7 +42,7 @@ def test_the_least_number_of_changes_is_that_of_some_order_and_of_none_less(
         return sum(first != other for first, other in itertools.pairwise(of))
 
     minimum = min(changes(order) for _, order in all_orders(instance))
-    assert least_changes(instance.families, instance.before) == minimum
+    assert count_changes(instance.families, instance.before) == minimum
 
 
 @settings(max_examples=examples(80))
@@ -55,22 +55,22 @@ def test_the_least_number_of_changes_is_that_of_some_order_and_of_none_less(
 def test_every_order_keeps_every_cut(n, seed, density, families):
     """The sum of its arcs among those of the cut is no less than the cut says."""
     instance = instance_of(n, seed, density=density, families=families)
-    for cut in set_up_cuts(instance):
+    for cut in find_set_up_cuts(instance):
         for _, order in all_orders(instance):
             assert cut.arcs[arcs_of(order)].sum() >= cut.number
 
 
 def test_an_instance_without_families_has_no_cut():
     instance = instance_of(6, 0)
-    assert set_up_cuts(instance) == []
+    assert find_set_up_cuts(instance) == []
 
 
 def test_where_too_many_sets_would_be_looked_at_the_count_so_far_is_the_bound(monkeypatch):
     """A lower one, which is still a bound."""
     instance = instance_of(9, 1, density=0.5, families=4)
-    whole = least_changes(instance.families, instance.before)
+    whole = count_changes(instance.families, instance.before)
     monkeypatch.setattr(counted, "_MOST_SETS", 2)
-    assert 0 < least_changes(instance.families, instance.before) < whole
+    assert 0 < count_changes(instance.families, instance.before) < whole
 
 
 def test_relaxations_prove_more_with_families_than_without():
@@ -111,7 +111,7 @@ def test_jobs_between_which_nothing_is_done_are_a_family(two_tools):
     """And so is the initial state with those that may follow at once."""
     instance = JobOrders(two_tools).instance
     assert (instance.families == [0, 0, 2, 0, 2]).all()
-    assert least_changes(instance.families, instance.before) == 3
+    assert count_changes(instance.families, instance.before) == 3
 
 
 def test_where_nothing_is_done_between_jobs_there_are_no_families(two_tools):

@@ -14,7 +14,7 @@ from skillplan.solvers.ordering import (
     Duals,
     OrderingInstance,
     TwoEndedSearch,
-    beam,
+    run_beam,
     tighten,
 )
 from thinned import slow_case
@@ -67,7 +67,7 @@ def test_a_beam_keeps_its_word(instance, rounds, place, width):
     if not np.isfinite(duals.bound) or cutoff <= duals.bound:
         return
     for wide in (width, 10**5):
-        search = beam(instance, duals, cutoff, wide, never)
+        search = run_beam(instance, duals, cutoff, wide, never)
         assert search.bound <= min(optimum, cutoff) + slack(optimum)
         if search.order is not None:
             assert instance.feasible(search.order)
@@ -83,7 +83,7 @@ def test_a_beam_keeps_its_word(instance, rounds, place, width):
 def test_a_beam_in_which_all_ways_are_alike_still_leads_somewhere():
     """Where every order costs nothing, the narrowest finds one."""
     instance = instance_of(9, 4, kind="zero", density=0.2)
-    search = beam(instance, duals_of(instance, 1), np.inf, 1, never)
+    search = run_beam(instance, duals_of(instance, 1), np.inf, 1, never)
     assert instance.feasible(search.order)
     assert instance.cost(search.order) == 0
 
@@ -91,7 +91,7 @@ def test_a_beam_in_which_all_ways_are_alike_still_leads_somewhere():
 def test_a_beam_that_is_stopped_says_nothing():
     """Not even a bound."""
     instance = instance_of(8, 2)
-    assert beam(instance, duals_of(instance, 1), np.inf, 10, StopAfter(2)) is None
+    assert run_beam(instance, duals_of(instance, 1), np.inf, 10, StopAfter(2)) is None
 
 
 @settings(max_examples=examples(150))
@@ -162,7 +162,7 @@ def test_sets_may_fill_any_number_of_words(n):
     instance = OrderingInstance(costs, before)
     optimum = least_cost(instance)
     duals = duals_of(instance, 1)
-    search = beam(instance, duals, np.inf, 10**5, never)
+    search = run_beam(instance, duals, np.inf, 10**5, never)
     assert search.whole
     assert instance.cost(search.order) == search.bound == optimum
     met = TwoEndedSearch(instance, duals, optimum + 1).run(10**6, never)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.solvers.ordering.instance import closed_relation
+from skillplan.solvers.ordering.instance import close_relation
 
 # Largest integer that floats represent exactly; bounds are floats.
 _MOST_BITS = 52
@@ -45,7 +45,7 @@ class WholeCosts:
         before = np.zeros((self.n, self.n), dtype=np.bool_)
         for i, j in self.problem.precedence:
             before[i, j] = True
-        before = closed_relation(before)
+        before = close_relation(before)
         object.__setattr__(self, "before", before)
         costs = self._possible()
         exponent = _exponent(costs.values(), self.n)

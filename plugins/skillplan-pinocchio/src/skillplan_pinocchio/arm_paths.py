@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.physics.linear_motions import LinearMotion, linear_motions
+from skillplan.physics.linear_motions import LinearMotion, plan_linear_motions
 from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -184,7 +184,7 @@ class ArmPaths:
         tool = self.robot.tool(state)
         key = (id(visits), None if tool is None else tool.name)
         if key not in self._planned:
-            planned = linear_motions(self.task, skill, state, self.settings.drop_height_m)
+            planned = plan_linear_motions(self.task, skill, state, self.settings.drop_height_m)
             motions = tuple(self.planner.plan(motion) for motion in planned)
             # Keep the visits alive, so that their id stays unique.
             self._planned[key] = visits, motions

@@ -11,11 +11,11 @@ import numpy as np
 
 from skillplan.physics.linear_motions import (
     LinearMotion,
-    grasp_of,
-    jaw_opening_m,
-    tool_after,
-    tool_shapes,
-    visited_grasp,
+    build_tool_shapes,
+    choose_grasp,
+    choose_opening_m,
+    choose_visit_grasp,
+    find_tool_after,
 )
 from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import AXES, Event
@@ -95,7 +95,7 @@ def build_hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple
     if tool is None or tool.kind is ToolKind.GRIPPER:
         fingers = (_make_finger(hand, opening_m / 2, 1), _make_finger(hand, opening_m / 2, -1))
         return (HandPart("a finger", fingers), HandPart("the hand", _make_body(hand)))
-    shapes = tool_shapes(tool, robot.hand)
+    shapes = build_tool_shapes(tool, robot.hand)
     return (HandPart(tool.name, tuple(_get_corners(shape) for shape in shapes)),)
 
 
@@ -154,7 +154,7 @@ class HandSweeps:
                 corners = np.concatenate(
                     [piece.corners for piece in make_pieces(body, Pose(_STILL))]
                 )
-                for grasp in body.grasps or (grasp_of(body),):
+                for grasp in body.grasps or (choose_grasp(body),):
                     away = np.linalg.norm(corners - np.array(grasp.tip), axis=1)
                     widest_m.append(float(away.max()))
         return max(widest_m, default=0.0)
@@ -253,13 +253,13 @@ class HandSweeps:
 
     def _hand(self, motion: LinearMotion, *, before: bool) -> tuple[HandPart, ...]:
         """Return the parts at the end of the arm before or after the action."""
-        tool = motion.tool if before else tool_after(self.robot, motion.visit, motion.tool)
+        tool = motion.tool if before else find_tool_after(self.robot, motion.visit, motion.tool)
         opening_m = 0.0
         if motion.visit.event in _HANDLING:
-            grasp = visited_grasp(self.scene.body(motion.visit.subject), motion.visit)
+            grasp = choose_visit_grasp(self.scene.body(motion.visit.subject), motion.visit)
             is_open = before is (motion.visit.event is Event.GRASP)
             clearance_m = self.clearance_m if is_open else 0.0
-            opening_m = jaw_opening_m(grasp, clearance_m, tool, self.robot.hand)
+            opening_m = choose_opening_m(grasp, clearance_m, tool, self.robot.hand)
         key = (None if tool is None else tool.name, opening_m)
         if key not in self._parts:
             self._parts[key] = build_hand_parts(self.robot, tool, opening_m)

@@ -10,7 +10,7 @@ from typing import Any
 import coal
 import numpy as np
 
-from skillplan.physics.linear_motions import LinearMotion, linear_motions
+from skillplan.physics.linear_motions import LinearMotion, plan_linear_motions
 from skillplan.task.motion import Event, Grasp, Point
 from skillplan.task.pose import dot
 from skillplan.task.task import Task
@@ -177,7 +177,7 @@ def group_by_hold(task: Task, drop_height_m: float) -> Mapping[Hold, tuple[Linea
         for variant in [skill.by(way) for way in skill.ways] or [skill]:
             for route in () if variant.motion is None else variant.motion.routes:
                 state = variant.precondition.requires | route.when
-                for motion in linear_motions(task, variant, state, drop_height_m):
+                for motion in plan_linear_motions(task, variant, state, drop_height_m):
                     hold = hold_of(motion)
                     if hold is not None:
                         motions_by_hold.setdefault(hold, {})[motion] = None

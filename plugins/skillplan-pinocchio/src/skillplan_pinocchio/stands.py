@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skillplan.physics.linear_motions import LinearMotion, linear_motions
+from skillplan.physics.linear_motions import LinearMotion, plan_linear_motions
 from skillplan.task.motion import Point
 from skillplan.task.scene import Robot
 from skillplan.task.task import Task
@@ -78,7 +78,7 @@ class Stands:
             elbow.strokes.begin
             for skill in self.task.skills
             if skill.motion is not None and skill.motion.robot == self.robot.name
-            for motion in linear_motions(
+            for motion in plan_linear_motions(
                 self.task,
                 skill,
                 skill.motion.routes[0].when | skill.precondition.requires,
@@ -123,7 +123,7 @@ class Stands:
                 continue
             # A state in which the first route applies.
             state = skill.motion.routes[0].when | skill.precondition.requires
-            motion = linear_motions(self.task, skill, state, self.drop_height_m)[-1]
+            motion = plan_linear_motions(self.task, skill, state, self.drop_height_m)[-1]
             for fact in nominal:
                 ends.setdefault(fact, motion)
             for fact in others:

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from skillplan.collision.detector import Detector
 from skillplan.collision.hulls import Hull, HullRole, HullScene
-from skillplan.physics.linear_motions import LinearMotion, jaw_faults, too_wide
+from skillplan.physics.linear_motions import LinearMotion, describe_too_wide, find_jaw_faults
 from skillplan.physics.performance import PlannedMotion
 from skillplan.task import back_end
 from skillplan.task.back_end import RemovedDwell
@@ -264,7 +264,7 @@ class SweptDetector(Detector):
 
     def faults(self) -> Mapping[str, str]:
         """Return messages on parts too wide for the jaws, by the fact that they are placed."""
-        return {} if self.refuses() is not None else jaw_faults(self.task)
+        return {} if self.refuses() is not None else find_jaw_faults(self.task)
 
     def warnings(self) -> Mapping[str, str]:
         """Return fits that convex pieces make tight; see :meth:`BackEnd.warnings`."""
@@ -309,7 +309,7 @@ class SweptDetector(Detector):
 
     def hulls(self, skill: Skill, state: State) -> HullScene:
         """Return the hulls of `skill` for pictures; see :meth:`HullDetector.hulls`."""
-        words = too_wide(self.task.scene, self._robot, skill)
+        words = describe_too_wide(self.task.scene, self._robot, skill)
         if words is not None:
             raise ValueError(words)
         verdict = self.check(skill, state)
@@ -384,7 +384,7 @@ class SweptDetector(Detector):
         return present, absent
 
     def _swept_motion(self, skill: Skill, state: State) -> SweptMotion:
-        words = too_wide(self.task.scene, self._robot, skill)
+        words = describe_too_wide(self.task.scene, self._robot, skill)
         if words is not None:
             return SweptMotion((Collision(None, words, {}),), ())
         return self._builder.build(self.paths.motions(skill, state))

@@ -1,11 +1,11 @@
 from .exporter import TEXT_TYPE as TEXT_TYPE
 from .exporter import TRAJECTORY_TYPE as TRAJECTORY_TYPE
-from .exporter import message_types as message_types
+from .exporter import list_message_types as list_message_types
 
 __version__: str
 
 __all__ = [
     "TEXT_TYPE",
     "TRAJECTORY_TYPE",
-    "message_types",
+    "list_message_types",
 ]

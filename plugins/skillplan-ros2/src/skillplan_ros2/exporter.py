@@ -14,10 +14,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from skillplan.exporters.exporter import Exporter, Handover, quoted, refused_chance
+from skillplan.exporters.exporter import Exporter, Handover, quote, refuse_chance
 from skillplan.task import back_end
-from skillplan_ros2.skill_trajectory import Array, SkillTrajectory, seconds
-from skillplan_ros2.timed_paths import NoTrajectory, TimedPlan, timed_plan
+from skillplan_ros2.skill_trajectory import Array, SkillTrajectory, split_seconds
+from skillplan_ros2.timed_paths import NoTrajectory, TimedPlan, time_plan
 
 TRAJECTORY_TYPE: Final = "trajectory_msgs/msg/JointTrajectory"
 TEXT_TYPE: Final = "std_msgs/msg/String"
@@ -46,7 +46,7 @@ _FIELDS: Final = {
 }
 
 
-def message_types() -> Typestore:
+def list_message_types() -> Typestore:
     """Return the types of trajectories and texts with their parts."""
     types = get_typestore(Stores.EMPTY)
     for name, fields in _FIELDS.items():
@@ -61,7 +61,7 @@ HAND_TOPIC: Final = "/skillplan/hand"
 _BAG_VERSION: Final = 8
 
 
-def bag_files(plan: TimedPlan, topic: str) -> dict[str, bytes]:
+def write_bag(plan: TimedPlan, topic: str) -> dict[str, bytes]:
     """Return the files of a bag by name.
 
     Parameters
@@ -69,7 +69,7 @@ def bag_files(plan: TimedPlan, topic: str) -> dict[str, bytes]:
     topic
         Topic of the trajectories. Names of skills and actions of the hand have their own topics.
     """
-    types = message_types()
+    types = list_message_types()
     with TemporaryDirectory() as folder:
         # The file has the name of the folder.
         path = Path(folder) / "trajectories"
@@ -83,24 +83,26 @@ def bag_files(plan: TimedPlan, topic: str) -> dict[str, bytes]:
                 )
             }
             for skill in plan.skills:
-                for name, time_ns, message in _messages(types.types, plan.joints, skill, topic):
+                for name, time_ns, message in _list_messages(
+                    types.types, plan.joints, skill, topic
+                ):
                     content = types.serialize_cdr(message, message.__msgtype__)
                     writer.write(connections[name], time_ns, content)
         return {file.name: file.read_bytes() for file in sorted(path.iterdir(), reverse=True)}
 
 
-def _messages(
+def _list_messages(
     types: Any, joints: tuple[str, ...], skill: SkillTrajectory, topic: str
 ) -> Iterator[tuple[str, int, Any]]:
     """Yield topic, time [ns] and message for a skill."""
     text = types[TEXT_TYPE]
     yield SKILL_TOPIC, skill.begin_ns, text(data=skill.skill)
-    yield topic, skill.begin_ns, _trajectory(types, joints, skill)
+    yield topic, skill.begin_ns, _build_trajectory(types, joints, skill)
     for action in skill.hand:
         yield HAND_TOPIC, skill.begin_ns + action.after_ns, text(data=action.text)
 
 
-def _trajectory(types: Any, joints: tuple[str, ...], skill: SkillTrajectory) -> Any:
+def _build_trajectory(types: Any, joints: tuple[str, ...], skill: SkillTrajectory) -> Any:
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     duration = types["builtin_interfaces/msg/Duration"]
     none = np.zeros(0)
@@ -115,7 +117,7 @@ def _trajectory(types: Any, joints: tuple[str, ...], skill: SkillTrajectory) -> 
                 velocities=speed,
                 accelerations=none,
                 effort=none,
-                time_from_start=duration(*seconds(time_ns)),
+                time_from_start=duration(*split_seconds(time_ns)),
             )
             for time_ns, position, speed in zip(
                 skill.times_ns, skill.positions_rad, skill.speeds_rad_per_s, strict=True
@@ -128,33 +130,33 @@ def _trajectory(types: Any, joints: tuple[str, ...], skill: SkillTrajectory) -> 
 _DIGITS = 9
 
 
-def message_text(plan: TimedPlan) -> str:
+def format_messages(plan: TimedPlan) -> str:
     """Return the messages in order, with skill and times in comments."""
     names = json.dumps(list(plan.joints))
-    return "".join(f"{line}\n" for skill in plan.skills for line in _document(names, skill))
+    return "".join(f"{line}\n" for skill in plan.skills for line in _write_document(names, skill))
 
 
-def _document(names: str, skill: SkillTrajectory) -> Iterator[str]:
+def _write_document(names: str, skill: SkillTrajectory) -> Iterator[str]:
     yield "---"
-    yield f"# {quoted(skill.skill)}, from {_shown_s(skill.begin_ns)} to {_shown_s(skill.end_ns)} s"
+    yield f"# {quote(skill.skill)}, from {_format_s(skill.begin_ns)} to {_format_s(skill.end_ns)} s"
     for action in skill.hand:
         begin_ns = skill.begin_ns + action.after_ns
-        yield f"# {quoted(action.text)} from {_shown_s(begin_ns)} s on"
+        yield f"# {quote(action.text)} from {_format_s(begin_ns)} s on"
     yield "header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}"
     yield f"joint_names: {names}"
     yield "points:"
     for time_ns, position, speed in zip(
         skill.times_ns, skill.positions_rad, skill.speeds_rad_per_s, strict=True
     ):
-        sec, nanosec = seconds(time_ns)
-        yield f"- positions: {_numbers(position)}"
-        yield f"  velocities: {_numbers(speed)}"
+        sec, nanosec = split_seconds(time_ns)
+        yield f"- positions: {_format_numbers(position)}"
+        yield f"  velocities: {_format_numbers(speed)}"
         yield "  accelerations: []"
         yield "  effort: []"
         yield f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}"
 
 
-def _numbers(values: Array) -> str:
+def _format_numbers(values: Array) -> str:
     # YAML 1.1 would read a number with an exponent as text.
     return (
         "["
@@ -163,7 +165,7 @@ def _numbers(values: Array) -> str:
     )
 
 
-def _shown_s(time_ns: int) -> str:
+def _format_s(time_ns: int) -> str:
     return f"{time_ns / 1e9:.3f}"
 
 
@@ -209,7 +211,7 @@ class Ros2Exporter(Exporter):
 
     def refuses(self, handover: Handover) -> str | None:
         """Refuse chance, tasks without an arm, and skills without a path of `swept`."""
-        refusal = refused_chance(handover)
+        refusal = refuse_chance(handover)
         if refusal is not None:
             return refusal
         try:
@@ -228,13 +230,13 @@ class Ros2Exporter(Exporter):
         plan = self._plan(handover)
         files: dict[str, str | bytes] = {}
         if self.options.format != "bag":
-            files[TEXT] = message_text(plan)
+            files[TEXT] = format_messages(plan)
         if self.options.format != "yaml":
-            files.update(bag_files(plan, self.options.topic))
+            files.update(write_bag(plan, self.options.topic))
         return files
 
     def _plan(self, handover: Handover) -> TimedPlan:
         """Return the trajectories, computed once."""
         if self._made is None or self._made[0] is not handover:
-            self._made = handover, timed_plan(handover, self.options.speed_fraction)
+            self._made = handover, time_plan(handover, self.options.speed_fraction)
         return self._made[1]

@@ -87,7 +87,7 @@ class TrajectoryPoints:
 
     def act(self, duration_s: float, text: str) -> None:
         """Add an action of the hand during which the arm rests."""
-        self._hand.append(HandAction(_ns(self._now_s), text))
+        self._hand.append(HandAction(_to_ns(self._now_s), text))
         self._now_s += duration_s
         self._add(self._now_s, self._positions[-1], np.zeros(len(self._positions[-1])))
 
@@ -103,7 +103,7 @@ class TrajectoryPoints:
         )
 
     def _add(self, time_s: float, position: Array, speed: Array) -> None:
-        time_ns = _ns(time_s)
+        time_ns = _to_ns(time_s)
         # A run below a nanosecond moves nothing.
         if time_ns > self._times_ns[-1]:
             self._times_ns.append(time_ns)
@@ -111,10 +111,10 @@ class TrajectoryPoints:
             self._speeds.append(speed)
 
 
-def seconds(time_ns: int) -> tuple[int, int]:
+def split_seconds(time_ns: int) -> tuple[int, int]:
     """Return a time as whole seconds and remaining nanoseconds."""
     return divmod(time_ns, NS_PER_S)
 
 
-def _ns(time_s: float) -> int:
+def _to_ns(time_s: float) -> int:
     return round(time_s * NS_PER_S)

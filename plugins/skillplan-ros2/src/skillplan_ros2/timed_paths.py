@@ -39,7 +39,7 @@ class TimedPlan:
     skills: tuple[SkillTrajectory, ...]
 
 
-def timed_plan(handover: Handover, speed_fraction: float | None) -> TimedPlan:
+def time_plan(handover: Handover, speed_fraction: float | None) -> TimedPlan:
     """Return the trajectories of a plan.
 
     Parameters

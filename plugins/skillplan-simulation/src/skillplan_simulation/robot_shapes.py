@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics.linear_motions import tool_shapes
+from skillplan.physics.linear_motions import build_tool_shapes
 from skillplan.robots.arm_description import Hand, Hull, LinkShape
 from skillplan.task.scene import Body, Box, Robot, Tool, ToolKind
 
@@ -44,7 +44,7 @@ def list_hands(robot: Robot) -> tuple[Hand, ...]:
 
 def make_tool_body(tool: Tool, hand: Hand) -> Body | None:
     """Return a tool as a body with its origin at the tip; None for the hand itself."""
-    shapes = tool_shapes(tool, hand)
+    shapes = build_tool_shapes(tool, hand)
     return Body(tool.name, shapes, (), _TOOL_KG) if shapes else None
 
 
@@ -52,7 +52,7 @@ def make_tool_boxes(tool: Tool | None, hand: Hand) -> Sequence[Box]:
     """Return boxes about a tool, from its tip; for a gripper, about the open hand."""
     if tool is None:
         return ()
-    shapes = tool_shapes(tool, hand)
+    shapes = build_tool_shapes(tool, hand)
     if shapes:
         return [shape.box for shape in shapes]
     return list(make_hand_boxes(hand, hand.opening_m))

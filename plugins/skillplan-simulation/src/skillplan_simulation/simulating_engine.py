@@ -13,7 +13,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from skillplan.physics.engine import Engine
-from skillplan.physics.linear_motions import jaw_faults
+from skillplan.physics.linear_motions import find_jaw_faults
 from skillplan.physics.performance import Angle, Image, Performance, Performer, Sample
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
@@ -147,7 +147,7 @@ class SimulatingEngine(Engine):
             return {}
         return {
             **find_blocked_fits(self.task, as_pieces=not self.stands_exact),
-            **jaw_faults(self.task),
+            **find_jaw_faults(self.task),
         }
 
     def warnings(self) -> Mapping[str, str]:

@@ -54,12 +54,12 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], None]]]:
 def _compile_dynamic_programming() -> None:
     import numpy as np
 
-    from skillplan.solvers.mdp.label_setting import costs_to_go
+    from skillplan.solvers.mdp.label_setting import compute_costs_to_go
 
     for changes in ({}, {"parts.part_1.grasp_failure": "0.1"}):
         _solve(changes, "value-iteration", "policy-iteration")
     # If all skills cost the same, another search finds the cheapest paths.
-    costs_to_go(np.array([0, 1, 1]), np.array([1]), np.array([False, True]))
+    compute_costs_to_go(np.array([0, 1, 1]), np.array([1]), np.array([False, True]))
 
 
 def _solve(changes: Mapping[str, str], *solvers: str) -> None:

@@ -4,7 +4,7 @@ from .board_generator import BoardGenerator as BoardGenerator
 from .board_generator import RandomOrder as RandomOrder
 from .consistency import find_issues as find_issues
 from .domain import AssemblyDomain as AssemblyDomain
-from .geometry_faults import distances_m as distances_m
+from .geometry_faults import measure_distances_m as measure_distances_m
 from .grounding import MOST_STEPS as MOST_STEPS
 from .grounding import ground as ground
 from .layout import get_layout as get_layout
@@ -13,12 +13,12 @@ from .mesh_files import MAX_BYTES as MAX_BYTES
 from .mesh_files import MAX_CORNERS as MAX_CORNERS
 from .mesh_files import SUFFIXES as SUFFIXES
 from .mesh_files import MeshFileError as MeshFileError
-from .mesh_files import parsed as parsed
+from .mesh_files import parse_mesh as parse_mesh
 from .mesh_files import read_mesh as read_mesh
 from .overview import find_hints as find_hints
 from .resting import TABLE as TABLE
-from .resting import bearers_at_start as bearers_at_start
-from .resting import rests_at_goal as rests_at_goal
+from .resting import find_bearers as find_bearers
+from .resting import find_goal_rests as find_goal_rests
 from .robot_schema import ArmFileError as ArmFileError
 from .robot_schema import read_arm as read_arm
 from .schema import AssemblyConfig as AssemblyConfig
@@ -37,15 +37,15 @@ __all__ = [
     "BoardGenerator",
     "MeshFileError",
     "RandomOrder",
-    "bearers_at_start",
-    "distances_m",
     "draw_layouts",
+    "find_bearers",
+    "find_goal_rests",
     "find_hints",
     "find_issues",
     "get_layout",
     "ground",
-    "parsed",
+    "measure_distances_m",
+    "parse_mesh",
     "read_arm",
     "read_mesh",
-    "rests_at_goal",
 ]

@@ -65,10 +65,10 @@ class RandomOrder:
         successors: dict[int, list[int]] = {}
         for place, after in enumerate(self._after):
             further = 0
-            for later in _bits(after):
+            for later in _list_bits(after):
                 further |= self._after[later]
             if after:
-                right_after = (self._elements[later] for later in _bits(after & ~further))
+                right_after = (self._elements[later] for later in _list_bits(after & ~further))
                 successors[self._elements[place]] = sorted(right_after)
         return dict(sorted(successors.items()))
 
@@ -89,7 +89,7 @@ class RandomOrder:
                 yield earlier, missing.bit_length() - 1
 
 
-def _bits(mask: int) -> Iterator[int]:
+def _list_bits(mask: int) -> Iterator[int]:
     """Yield the positions of the set bits, the lowest first."""
     while mask:
         lowest = mask & -mask
@@ -207,10 +207,10 @@ class BoardGenerator:
     def summary(self) -> str:
         """Summary of the board in a few words."""
         missed = len(self._misses)
-        failing = f"; {_counted(missed, 'grasp')} may fail" if missed else ""
+        failing = f"; {_format_count(missed, 'grasp')} may fail" if missed else ""
         return (
-            f"{_counted(self.parts, 'part')} and {_counted(self.tools, 'tool')}; "
-            f"{self.ordered_pairs} of {_counted(self.pairs, 'pair')} of parts ordered{failing}"
+            f"{_format_count(self.parts, 'part')} and {_format_count(self.tools, 'tool')}; "
+            f"{self.ordered_pairs} of {_format_count(self.pairs, 'pair')} of parts ordered{failing}"
         )
 
     @property
@@ -232,7 +232,7 @@ class BoardGenerator:
         """Direct successors in the chart by part; empty for a chart without order."""
         order = RandomOrder(self.parts, self._draws("order"), self.ordered_pairs)
         return {
-            _part(before): [_part(successor) for successor in after]
+            _name_part(before): [_name_part(successor) for successor in after]
             for before, after in order.covers().items()
         }
 
@@ -270,16 +270,17 @@ class BoardGenerator:
         for tool in range(self.tools):
             # From the middle outwards, on alternating sides.
             y_m = _HOLDER_PITCH_M * ((tool + 1) // 2) * (-1 if tool % 2 else 1)
-            holder = _vector(math.sqrt(_HOLDER_RADIUS_M**2 - y_m**2), y_m)
-            yield f"  {_tool(tool)}: {{type: suction, holder_m: {holder}}}"
-        yield f"initial_tool: {_tool(0)}"
+            holder = _format_vector(math.sqrt(_HOLDER_RADIUS_M**2 - y_m**2), y_m)
+            yield f"  {_name_tool(tool)}: {{type: suction, holder_m: {holder}}}"
+        yield f"initial_tool: {_name_tool(0)}"
         yield "tool_change: {style: swap, reload: false}"
         yield ""
         yield "parts:"
         for number, tool in enumerate(self._tools_of_parts()):
             failure = self._misses.get(number)
             missed = "" if failure is None else f"grasp_failure: {failure:.2f}, "
-            yield f"  {_part(number)}: {{tool: {_tool(tool)}, {missed}{self._geometry[number]}}}"
+            rest = f"{missed}{self._geometry[number]}"
+            yield f"  {_name_part(number)}: {{tool: {_name_tool(tool)}, {rest}}}"
         yield ""
         if self.chart:
             yield "chart:"
@@ -308,7 +309,7 @@ class BoardGenerator:
     def _geometry(self) -> list[str]:
         """Mass, size, start and goal of every part as text in the file."""
         draw = self._draws("geometry")
-        trays, boards = _shuffled(_COLUMNS**2, draw), _shuffled(_COLUMNS**2, draw)
+        trays, boards = _shuffle(_COLUMNS**2, draw), _shuffle(_COLUMNS**2, draw)
         lines = []
         for start, goal in zip(trays, boards, strict=True):
             span_m = _MOST_SIDE_M - _LEAST_SIDE_M
@@ -316,9 +317,9 @@ class BoardGenerator:
             sides_m = [round(_LEAST_SIDE_M + span_m * draw(), 4) for _ in "xy"]
             mass_kg = _DENSITY_KG_PER_M3 * math.prod(sides_m) * _HEIGHT_M
             lines.append(
-                f"mass_kg: {mass_kg:.4f}, size_m: {_vector(*sides_m, _HEIGHT_M)}, "
-                f"start_m: {_vector(*_within(_TRAY_M, start, sides_m, draw))}, "
-                f"goal_m: {_vector(*_within(_BOARD_M, goal, sides_m, draw))}"
+                f"mass_kg: {mass_kg:.4f}, size_m: {_format_vector(*sides_m, _HEIGHT_M)}, "
+                f"start_m: {_format_vector(*_draw_inside(_TRAY_M, start, sides_m, draw))}, "
+                f"goal_m: {_format_vector(*_draw_inside(_BOARD_M, goal, sides_m, draw))}"
             )
         return lines
 
@@ -331,7 +332,7 @@ class BoardGenerator:
         count = math.floor(self.failing_share * self.parts + 0.5)
         lowest, greatest = self.failures
         probabilities = {}
-        for number in _shuffled(self.parts, draw)[:count]:
+        for number in _shuffle(self.parts, draw)[:count]:
             # The file has two decimals and refuses grasps that always fail.
             probability = min(round(lowest + (greatest - lowest) * draw(), 2), 0.99)
             if probability:
@@ -341,7 +342,7 @@ class BoardGenerator:
     def _tools_of_parts(self) -> list[int]:
         """Return a tool for each part: distinct tools for the first parts, then random ones."""
         draw = self._draws(f"tools of {self.tools}")
-        first = _shuffled(self.tools, draw)
+        first = _shuffle(self.tools, draw)
         others = [int(draw() * self.tools) for _ in range(self.parts)]
         return [*first, *others][: self.parts]
 
@@ -351,7 +352,7 @@ class BoardGenerator:
         return random.Random(f"{self.seed} {subject}").random
 
 
-def _within(
+def _draw_inside(
     corner_m: tuple[float, float], cell: int, sides_m: list[float], draw: Callable[[], float]
 ) -> Iterator[float]:
     """Yield x and y of a part's centre, drawn such that the part is inside a cell [m]."""
@@ -360,21 +361,21 @@ def _within(
         yield low_m + (index + 0.5) * _PITCH_M + play_m * (2 * draw() - 1)
 
 
-def _shuffled(count: int, draw: Callable[[], float]) -> list[int]:
+def _shuffle(count: int, draw: Callable[[], float]) -> list[int]:
     return sorted(range(count), key=[draw() for _ in range(count)].__getitem__)
 
 
-def _vector(*values_m: float) -> str:
+def _format_vector(*values_m: float) -> str:
     return f"[{', '.join(f'{value_m:.4f}' for value_m in values_m)}]"
 
 
-def _counted(count: int, what: str) -> str:
+def _format_count(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _part(number: int) -> str:
+def _name_part(number: int) -> str:
     return f"part_{number + 1}"
 
 
-def _tool(number: int) -> str:
+def _name_tool(number: int) -> str:
     return f"cup_{number + 1}"

@@ -166,13 +166,13 @@ def _check_lists(config: AssemblyConfig) -> Iterator[Issue]:
             yield Issue(message, ("goal", both[1]))
     if config.actions is not None:
         listed = frozenset(config.actions)
-        for name, fact in _needed_actions(config).items():
+        for name, fact in _list_needed_actions(config).items():
             if name not in listed:
                 message = f"{name} is missing, without which {fact} cannot hold. Add it."
                 yield Issue(message, ("actions",))
 
 
-def _needed_actions(config: AssemblyConfig) -> dict[str, str]:
+def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
     """Return the actions that every plan must contain, each with a fact of the goal."""
     jobs = [
         (f"placed({name})", [f"pick({name})", f"place({name})"], part.tool)

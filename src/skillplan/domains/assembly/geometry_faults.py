@@ -9,10 +9,10 @@ from itertools import combinations, product
 from skillplan.collision.boxes import WorldBox, box_at
 from skillplan.collision.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.gripping import find_grasp_issues
-from skillplan.domains.assembly.holding import surface_m
+from skillplan.domains.assembly.holding import trace_ray_m
 from skillplan.domains.assembly.insertion import find_insertion_issues
 from skillplan.domains.assembly.layout import get_layout
-from skillplan.domains.assembly.part_meshes import find_piece_issues, origin_hint
+from skillplan.domains.assembly.part_meshes import build_origin_hint, find_piece_issues
 from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.assembly.resting import find_resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
@@ -67,7 +67,7 @@ def find_geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     yield from _find_hole_issues(config)
 
 
-def distances_m(config: AssemblyConfig) -> dict[tuple[str, str, str], float]:
+def measure_distances_m(config: AssemblyConfig) -> dict[tuple[str, str, str], float]:
     """Return the distances of parts at the start from the starts and goals of other parts [m].
 
     Distances are in plan, along x or y, the larger one; negative if the parts overlap. Keys are the
@@ -76,16 +76,19 @@ def distances_m(config: AssemblyConfig) -> dict[tuple[str, str, str], float]:
     layout = get_layout(config)
     starts, goals = (
         {
-            name: _hull(box_at(box, place(name).pose) for box in part.bounding_boxes)
+            name: _find_hull(box_at(box, place(name).pose) for box in part.bounding_boxes)
             for name, part in config.parts.items()
         }
         for place in (layout.start, layout.goal)
     )
     lying = [name for name, part in config.parts.items() if part.feeder is None]
-    pairs = {(a, b, "start"): _distance_m(starts[a], starts[b]) for a, b in combinations(lying, 2)}
+    pairs = {
+        (a, b, "start"): _measure_distance_m(starts[a], starts[b])
+        for a, b in combinations(lying, 2)
+    }
     for a, b in product(lying, goals):
         if a != b:
-            pairs[a, b, "goal"] = _distance_m(starts[a], goals[b])
+            pairs[a, b, "goal"] = _measure_distance_m(starts[a], goals[b])
     return pairs
 
 
@@ -179,28 +182,28 @@ def _measure_load(solid: Solid, part: PartConfig) -> tuple[Point, float]:
 
 def _find_hole_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield holes that are not at the surface of their part, oblique ones first."""
-    oblique = [item for item in config.screws.items() if not _goes_down(item[1])]
+    oblique = [item for item in config.screws.items() if not _is_vertical(item[1])]
     for name, screw in oblique:
-        if not _rests_oblique(config, screw):
+        if not _has_oblique_rest(config, screw):
             message = (
                 f"the hole does not lie on a surface of {screw.through!r} that its axis goes into. "
-                f"Move it.{origin_hint(config, (screw.through,))}"
+                f"Move it.{build_origin_hint(config, (screw.through,))}"
             )
             yield Issue(message, ("screws", name, "hole_m"))
     for name, screw in config.screws.items():
-        if _goes_down(screw) and not _rests_upright(config, screw):
+        if _is_vertical(screw) and not _has_upright_rest(config, screw):
             message = f"the hole does not lie over the top of {screw.through!r}. Move it"
             if "axis" not in screw.model_fields_set:
                 message += ", or give 'axis' if the screw does not go straight down"
-            message += f".{origin_hint(config, (screw.through,))}"
+            message += f".{build_origin_hint(config, (screw.through,))}"
             yield Issue(message, ("screws", name, "hole_m"))
 
 
-def _goes_down(screw: ScrewConfig) -> bool:
+def _is_vertical(screw: ScrewConfig) -> bool:
     return is_same_direction(screw.direction, DOWN)
 
 
-def _rests_upright(config: AssemblyConfig, screw: ScrewConfig) -> bool:
+def _has_upright_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     """Return True if the head of an upright screw rests on its part.
 
     It does if the part's top is at the mouth on the axis (the hole is not modelled), or all round
@@ -216,7 +219,7 @@ def _rests_upright(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     return lies(x_m, y_m) or all(lies(x_m + dx_m, y_m + dy_m) for dx_m, dy_m in _list_rim(screw))
 
 
-def _rests_oblique(config: AssemblyConfig, screw: ScrewConfig) -> bool:
+def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     """Return True if the head of an oblique screw rests on its part, by the same rule."""
     layout = get_layout(config)
     to_part = layout.goal(screw.through).pose.inverse()
@@ -224,7 +227,7 @@ def _rests_oblique(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     shapes = config.parts[screw.through].shapes
 
     def lies(point: Point) -> bool:
-        met_m = surface_m(shapes, plus(point, into, -_FAR_M), into)
+        met_m = trace_ray_m(shapes, plus(point, into, -_FAR_M), into)
         return met_m is not None and abs(met_m - _FAR_M) <= TOUCH_M
 
     level = min(AXES.values(), key=lambda axis: abs(dot(axis, into)))
@@ -242,13 +245,13 @@ def _list_rim(screw: ScrewConfig) -> list[tuple[float, float]]:
     return [(radius_m * math.cos(turn), radius_m * math.sin(turn)) for turn in turns]
 
 
-def _distance_m(box: WorldBox, other: WorldBox) -> float:
+def _measure_distance_m(box: WorldBox, other: WorldBox) -> float:
     return max(
         max(box.low[axis] - other.high[axis], other.low[axis] - box.high[axis]) for axis in (0, 1)
     )
 
 
-def _hull(boxes: Iterable[WorldBox]) -> WorldBox:
+def _find_hull(boxes: Iterable[WorldBox]) -> WorldBox:
     lows, highs = zip(*((box.low, box.high) for box in boxes), strict=True)
     low = tuple(min(values) for values in zip(*lows, strict=True))
     high = tuple(max(values) for values in zip(*highs, strict=True))

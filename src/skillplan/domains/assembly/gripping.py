@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 from skillplan.domains.assembly.holding import (
     Handle,
-    direction_name,
     list_automatic_grasps,
+    name_direction,
     name_grasps,
-    side_name,
+    name_side,
 )
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig
 from skillplan.errors import Issue
-from skillplan.physics.linear_motions import jaws_about
+from skillplan.physics.linear_motions import grasp_boxes
 from skillplan.task.motion import Grasp, GraspKind
 from skillplan.task.pose import Pose, dot, plus
 from skillplan.task.scene import ToolKind
@@ -44,7 +44,7 @@ class _Choice:
     poses: Mapping[str, Pose]
 
 
-def tool_kind(config: AssemblyConfig, tool: str) -> ToolKind:
+def choose_tool_kind(config: AssemblyConfig, tool: str) -> ToolKind:
     """Return the type of a tool: as given, or by its uses."""
     given = config.tools[tool].type
     if given is not None:
@@ -54,7 +54,7 @@ def tool_kind(config: AssemblyConfig, tool: str) -> ToolKind:
     return ToolKind.SCREWDRIVER if drives and not holds else ToolKind.GRIPPER
 
 
-def grasps_of_part(config: AssemblyConfig, name: str) -> tuple[Grasp, ...]:
+def list_grasps(config: AssemblyConfig, name: str) -> tuple[Grasp, ...]:
     """Return the grasps of a part without faults, the preferred one first.
 
     For ``auto`` these are the candidates that a hand can take.
@@ -68,12 +68,12 @@ def grasps_of_part(config: AssemblyConfig, name: str) -> tuple[Grasp, ...]:
 def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield faults of tools and grasps of parts with known tools."""
     for name, tool in config.tools.items():
-        if tool.opening_m is not None and tool_kind(config, name) is not ToolKind.GRIPPER:
-            kind = tool_kind(config, name)
+        if tool.opening_m is not None and choose_tool_kind(config, name) is not ToolKind.GRIPPER:
+            kind = choose_tool_kind(config, name)
             message = f"a tool of type {kind} has no jaws. Leave it out, or give type: gripper."
             yield Issue(message, ("tools", name, "opening_m"))
     for name, part in config.parts.items():
-        if tool_kind(config, part.tool) is ToolKind.SCREWDRIVER:
+        if choose_tool_kind(config, part.tool) is ToolKind.SCREWDRIVER:
             message = f"{part.tool!r} is a screwdriver, which holds no part. Name another."
             yield Issue(message, ("parts", name, "tool"))
             continue
@@ -87,7 +87,7 @@ def _list_choices(config: AssemblyConfig, name: str) -> list[_Choice]:
     given = list_automatic_grasps() if part.grasp == "auto" else part.grasp
     several = isinstance(given, list)
     listed = given if isinstance(given, list) else [given]
-    by_suction = tool_kind(config, part.tool) is ToolKind.SUCTION
+    by_suction = choose_tool_kind(config, part.tool) is ToolKind.SUCTION
     default = GraspKind.SUCTION if by_suction else GraspKind.JAWS
     shapes = part.shapes
     poses = {"at the start": layout.start(name).pose, "at its goal": layout.goal(name).pose}
@@ -113,7 +113,7 @@ def _find_part_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
             message = f"no hand can hold it from any of its six sides; from the top: {top}"
             yield Issue(message, ("grasp",))
         return
-    by_suction = tool_kind(config, part.tool) is ToolKind.SUCTION
+    by_suction = choose_tool_kind(config, part.tool) is ToolKind.SUCTION
     first_index: dict[Grasp, int] = {}
     for index, choice in enumerate(choices):
         if by_suction and choice.given.type == "jaws":
@@ -135,7 +135,7 @@ def _find_faults(choice: _Choice) -> Iterator[Issue]:
     if handle.closes_askew:
         message = (
             f"is not at right angles to the direction in which the hand points, "
-            f"{direction_name(handle.approach)}. Give another axis."
+            f"{name_direction(handle.approach)}. Give another axis."
         )
         yield Issue(message, (*choice.path, "closing_axis"))
         return
@@ -145,11 +145,11 @@ def _find_faults(choice: _Choice) -> Iterator[Issue]:
         yield Issue(message, (*choice.path, "at_m"))
         return
     by_suction = handle.kind is GraspKind.SUCTION
-    faults = list(_suction_faults(choice) if by_suction else _jaws_faults(choice))
-    yield from faults or _table_faults(choice)
+    faults = list(_find_suction_faults(choice) if by_suction else _find_jaws_faults(choice))
+    yield from faults or _find_table_faults(choice)
 
 
-def _suction_faults(choice: _Choice) -> Iterator[Issue]:
+def _find_suction_faults(choice: _Choice) -> Iterator[Issue]:
     given, handle = choice.given, choice.handle
     is_for_jaws = {
         # From any side but the top it turns the hand.
@@ -164,10 +164,10 @@ def _suction_faults(choice: _Choice) -> Iterator[Issue]:
             yield Issue(message, (*choice.path, key))
     through = handle.cup_axis()
     if handle.lands_m(through) is None:
-        yield _missed_part(choice, through, "the suction cup")
+        yield _report_miss(choice, through, "the suction cup")
 
 
-def _jaws_faults(choice: _Choice) -> Iterator[Issue]:
+def _find_jaws_faults(choice: _Choice) -> Iterator[Issue]:
     given, handle, opening_m = choice.given, choice.handle, choice.opening_m
     if given.depth_m is not None and given.depth_m >= handle.height_m:
         message = (
@@ -181,33 +181,33 @@ def _jaws_faults(choice: _Choice) -> Iterator[Issue]:
         return
     grasp = handle.jaws()
     if not handle.between_fingers(grasp):
-        yield _missed_part(choice, grasp.tip, "the jaws")
+        yield _report_miss(choice, grasp.tip, "the jaws")
     else:
-        yield from _off_the_middle(choice, grasp)
+        yield from _find_offset(choice, grasp)
     if opening_m is not None and grasp.width_m > opening_m - _PLAY_M + 1e-9:
-        yield _too_wide(choice, grasp, opening_m)
+        yield _report_width(choice, grasp, opening_m)
 
 
-def _off_the_middle(choice: _Choice, grasp: Grasp) -> Iterator[Issue]:
+def _find_offset(choice: _Choice, grasp: Grasp) -> Iterator[Issue]:
     """Yield jaws that would push the part aside before they hold it."""
     at_m = dot(grasp.tip, grasp.closing)
     middle_m = dot(choice.handle.jaws(centred=True).tip, grasp.closing)
     if abs(at_m - middle_m) > _OFF_MIDDLE_M:
         axis = grasp.closing_axis
         message = (
-            f"the jaws close about {axis or direction_name(grasp.closing)} = {middle_m:.4f} m, not "
+            f"the jaws close about {axis or name_direction(grasp.closing)} = {middle_m:.4f} m, not "
             f"{at_m:.4f} m, where they would push the part aside."
         )
         place = () if axis is None else ("xyz".index(axis),)
         yield Issue(message, (*choice.path, "at_m", *place))
 
 
-def _too_wide(choice: _Choice, grasp: Grasp, opening_m: float) -> Issue:
+def _report_width(choice: _Choice, grasp: Grasp, opening_m: float) -> Issue:
     given, part = choice.given, choice.part
     fits = False
     other = "yx"["xy".index(grasp.closing_axis)] if grasp.closing_axis in ("x", "y") else ""
     if choice.handle.from_top and other:
-        width_m = jaws_about(part.bounding_boxes, other, given.depth_m).width_m
+        width_m = grasp_boxes(part.bounding_boxes, other, given.depth_m).width_m
         fits = width_m <= opening_m - _PLAY_M + 1e-9
     play = "" if grasp.width_m > opening_m else f", of which {_PLAY_M:.3f} m are play"
     message = (
@@ -219,14 +219,14 @@ def _too_wide(choice: _Choice, grasp: Grasp, opening_m: float) -> Issue:
     return Issue(message, choice.path if is_own or len(choice.path) > 1 else (part.shape_key,))
 
 
-def _table_faults(choice: _Choice) -> Iterator[Issue]:
+def _find_table_faults(choice: _Choice) -> Iterator[Issue]:
     """Yield a hand that would be in the table, at the start or at the goal."""
     grasp = choice.handle.grasp()
     for where, pose in choice.poses.items():
         points = pose.rotate(grasp.approach)
         behind = plus(pose.apply(grasp.tip), points, -_HAND_M)
         if points[2] > _UPWARDS and behind[2] < 0:
-            side = side_name(grasp.approach)
+            side = name_side(grasp.approach)
             side = f"the {side}" if side in ("top", "bottom") else f"its {side} side"
             message = (
                 f"no hand can hold it from {side} {where}, where the hand would be in the table. "
@@ -237,7 +237,7 @@ def _table_faults(choice: _Choice) -> Iterator[Issue]:
             return
 
 
-def _missed_part(choice: _Choice, point: tuple[float, float, float], hand: str) -> Issue:
+def _report_miss(choice: _Choice, point: tuple[float, float, float], hand: str) -> Issue:
     numbers = point[:2] if choice.handle.from_top else point
     place = ", ".join(f"{value:.4f}" for value in numbers)
     message = f"nothing of the part is under {hand} at [{place}]; "

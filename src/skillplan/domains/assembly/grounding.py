@@ -13,12 +13,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from skillplan.domains.assembly import vocabulary
-from skillplan.domains.assembly.gripping import grasps_of_part, tool_kind
-from skillplan.domains.assembly.insertion import pick_visits, place_visits
+from skillplan.domains.assembly.gripping import choose_tool_kind, list_grasps
+from skillplan.domains.assembly.insertion import list_pick_visits, list_place_visits
 from skillplan.domains.assembly.layout import get_layout
-from skillplan.domains.assembly.resting import bearers_at_start
+from skillplan.domains.assembly.resting import find_bearers
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.assembly.schema_types import as_point, dwell_s, given_kinds
+from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kinds, make_point
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL
 from skillplan.task.cost import DistanceCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
@@ -53,7 +53,7 @@ class _Grounding:
         self.config = config
         self.layout = get_layout(config)
         self.facts: Facts = vocabulary.list_facts(config)
-        self.beneath = {name: bearers_at_start(config, name) for name in config.parts}
+        self.beneath = {name: find_bearers(config, name) for name in config.parts}
         self.positions = self._list_positions()
         self.places = {self.facts.bit(f"at({name})"): p for name, p in self.positions.items()}
         self.stands = self.facts.of(*(f"at({name})" for name in self.positions))
@@ -61,7 +61,7 @@ class _Grounding:
             self.facts.bit(f"at({part}.missed)"): compute_planar_distance(
                 self.layout.start(part).pose.position, self.positions[f"{part}.missed"]
             )
-            for part in vocabulary.missed_parts(config)
+            for part in vocabulary.list_missed_parts(config)
         }
 
     def build_task(self, sha256: str) -> Task:
@@ -113,7 +113,9 @@ class _Grounding:
         sections = {name: getattr(self.config, name) for name in ("parts", "screws", "tools")}
         owners = ((f"{s}.{n}", owner) for s, all_ in sections.items() for n, owner in all_.items())
         paths = [
-            f"{path}.durations_s.{kind}" for path, owner in owners for kind in given_kinds(owner)
+            f"{path}.durations_s.{kind}"
+            for path, owner in owners
+            for kind in list_given_kinds(owner)
         ]
         return (*paths, "durations_s")
 
@@ -123,13 +125,13 @@ class _Grounding:
         home = (config.robot.home_m[0], config.robot.home_m[1], config.robot.safe_height_m)
         positions: dict[str, Point] = {HOME: home}
         for part in config.parts:
-            positions[vocabulary.start_place(config, part)] = layout.start(part).pose.position
+            positions[vocabulary.name_start(config, part)] = layout.start(part).pose.position
             positions[f"{part}.goal"] = layout.goal(part).pose.position
         for name, tool in config.tools.items():
             positions[f"{name}.holder"] = tool.holder
         for name, screw in config.screws.items():
             positions[name] = layout.hole(screw)
-        for part in vocabulary.missed_parts(config):
+        for part in vocabulary.list_missed_parts(config):
             positions[f"{part}.missed"] = config.robot.look
         return positions
 
@@ -221,10 +223,10 @@ class _Grounding:
 
     def _build_pick(self, name: str) -> Skill:
         part = self.config.parts[name]
-        start = vocabulary.start_place(self.config, name)
-        looks = name in vocabulary.missed_parts(self.config)
+        start = vocabulary.name_start(self.config, name)
+        looks = name in vocabulary.list_missed_parts(self.config)
         above = [n for n in self.config.parts if name in self.beneath[n]]
-        visits = pick_visits(self.config, name)
+        visits = list_pick_visits(self.config, name)
         return self._build_skill(
             "pick",
             name,
@@ -242,7 +244,7 @@ class _Grounding:
 
     def _build_place(self, name: str) -> Skill:
         part = self.config.parts[name]
-        visits = place_visits(self.config, name)
+        visits = list_place_visits(self.config, name)
         return self._build_skill(
             "place",
             name,
@@ -259,11 +261,11 @@ class _Grounding:
     def _build_fasten(self, name: str) -> Skill:
         config, screw = self.config, self.config.screws[name]
         owners = screw, config.tools[screw.tool]
-        drive_s = dwell_s("fasten", config.durations_s, *owners)
+        drive_s = find_dwell_s("fasten", config.durations_s, *owners)
         hole = self.layout.hole_pose(screw)
         visits = [Visit(hole, Event.DRIVE, name, along=screw.direction, dwell_s=drive_s)]
         if screw.feeder is not None:
-            fetch_s = dwell_s("fetch", config.durations_s, *owners)
+            fetch_s = find_dwell_s("fetch", config.durations_s, *owners)
             feeder = Pose(config.feeders[screw.feeder].position)
             visits.insert(0, Visit(feeder, Event.FETCH, name, dwell_s=fetch_s))
         return self._build_skill(
@@ -328,7 +330,7 @@ class _Grounding:
 
     def _visit_holder(self, event: Event, name: str) -> Visit:
         tool = self.config.tools[name]
-        takes_s = dwell_s(event.value, self.config.durations_s, tool)
+        takes_s = find_dwell_s(event.value, self.config.durations_s, tool)
         return Visit(Pose(tool.holder), event, name, dwell_s=takes_s)
 
     def _build_reward(self, actions: list[str]) -> RewardScheme | None:
@@ -377,7 +379,7 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
         Positions of the arm's tip by fact [m].
     """
     robot = config.robot
-    base = as_point(robot.base_m)
+    base = make_point(robot.base_m)
     return Scene(
         bodies=(
             *(_build_part(config, name) for name in config.parts),
@@ -417,7 +419,7 @@ def _build_part(config: AssemblyConfig, name: str) -> Body:
             Placement(f"placed({name})", layout.goal(name).pose),
         ),
         part.mass_kg,
-        grasps_of_part(config, name),
+        list_grasps(config, name),
         () if convex == shapes else shapes,
     )
 
@@ -437,8 +439,8 @@ def _build_tool(config: AssemblyConfig, name: str) -> Tool:
         name,
         f"tool({name})",
         entry.holder,
-        None if size is None else Box(as_point(size), (0.0, 0.0, size[2] / 2)),
-        tool_kind(config, name),
+        None if size is None else Box(make_point(size), (0.0, 0.0, size[2] / 2)),
+        choose_tool_kind(config, name),
         entry.opening_m,
         entry.force_n,
         entry.hand_on(config.robot.hand),

@@ -9,8 +9,8 @@ from dataclasses import replace
 from itertools import count
 from typing import Literal
 
-from skillplan.domains.assembly.schema_types import GraspConfig, unit_of
-from skillplan.physics.linear_motions import jaws_about
+from skillplan.domains.assembly.schema_types import GraspConfig, make_unit
+from skillplan.physics.linear_motions import grasp_boxes
 from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.task.motion import AXES, Grasp, GraspKind
 from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus, unit
@@ -56,14 +56,14 @@ class Handle:
         self.given = given
         self.kind = kind
         self.shapes = tuple(shapes)
-        self.approach = unit_of(given.approach)
-        self.outwards: Point = _opposite(self.approach)
+        self.approach = make_unit(given.approach)
+        self.outwards: Point = _negate(self.approach)
         self.from_top = is_same_direction(self.approach, DOWN)
         self.closing: Point | None = None
         self.closes_askew = False
         axis = given.closing_axis
         if axis != "auto":
-            closing = AXES[axis] if isinstance(axis, str) else unit_of(axis)
+            closing = AXES[axis] if isinstance(axis, str) else make_unit(axis)
             off = dot(closing, self.approach)
             self.closes_askew = abs(off) > _RIGHT_ANGLE
             if not self.closes_askew:
@@ -87,7 +87,7 @@ class Handle:
         if self.kind is GraspKind.JAWS:
             return self.jaws()
         # The closed hand is turned for the most room at the wrist.
-        closing = self.closing or _across(self.approach)
+        closing = self.closing or _choose_closing(self.approach)
         through = self.cup_axis()
         surface_out_m = self.lands_m(through)
         top_m = self.reach_m(self.outwards) if surface_out_m is None else surface_out_m
@@ -112,17 +112,17 @@ class Handle:
             return max((top_m for top_m in tops_m if top_m is not None), default=None)
         top_m = self.reach_m(self.outwards)
         above = plus(through, self.outwards, top_m - dot(through, self.outwards))
-        met_m = surface_m(self.shapes, above, self.approach)
+        met_m = trace_ray_m(self.shapes, above, self.approach)
         return None if met_m is None else top_m - met_m
 
     def cup_axis(self) -> Point:
         """Return a point on the axis of a suction cup [m]: as given, or in the part's middle."""
         if self.point is not None or self.from_top:
             return self.point or (0.0, 0.0, 0.0)
-        closing = self.closing or _across(self.approach)
+        closing = self.closing or _choose_closing(self.approach)
         across = cross(self.approach, closing)
-        middle = plus((0.0, 0.0, 0.0), closing, sum(_extent(self.shapes, closing)) / 2)
-        return plus(middle, across, sum(_extent(self.shapes, across)) / 2)
+        middle = plus((0.0, 0.0, 0.0), closing, sum(_measure_extent(self.shapes, closing)) / 2)
+        return plus(middle, across, sum(_measure_extent(self.shapes, across)) / 2)
 
     def jaws(self, *, centred: bool = False) -> Grasp:
         """Return the grasp of jaws; `centred` ignores a given point."""
@@ -132,10 +132,10 @@ class Handle:
             axis = None if named == "auto" else str(named)
             boxes = [shape.box for shape in self.shapes]
             place = None if point is None else point[:2]
-            return jaws_about(boxes, axis, self.given.depth_m, place)
+            return grasp_boxes(boxes, axis, self.given.depth_m, place)
         if self.closing is not None:
             return self._jaws(self.closing, point)
-        grasp, other = (self._jaws(axis, point) for axis in _crosswise(self.approach))
+        grasp, other = (self._jaws(axis, point) for axis in _find_perpendicular(self.approach))
         return grasp if grasp.width_m <= other.width_m + 1e-9 else other
 
     def between_fingers(self, grasp: Grasp) -> bool:
@@ -144,7 +144,7 @@ class Handle:
         out_m = dot(grasp.tip, self.outwards)
 
         def meets(shape: Shape, direction: Point, half_m: float) -> bool:
-            low, high = -shape.reach_m(_opposite(direction)), shape.reach_m(direction)
+            low, high = -shape.reach_m(_negate(direction)), shape.reach_m(direction)
             middle = dot(grasp.tip, direction)
             return abs((low + high) / 2 - middle) < (high - low) / 2 + half_m
 
@@ -174,17 +174,17 @@ class Handle:
             for shape, high_m in zip(self.shapes, tops_m, strict=True)
             if high_m > top_m - depth_m
         ]
-        low_m, high_m = _extent(held, closing)
+        low_m, high_m = _measure_extent(held, closing)
         tip = plus((0.0, 0.0, 0.0), outwards, top_m - depth_m)
         if point is None:
             tip = plus(tip, closing, (low_m + high_m) / 2)
-            tip = plus(tip, across, sum(_extent(held, across)) / 2)
+            tip = plus(tip, across, sum(_measure_extent(held, across)) / 2)
         else:
             tip = plus(plus(tip, closing, dot(point, closing)), across, dot(point, across))
         return Grasp(GraspKind.JAWS, tip, closing, high_m - low_m, self.approach)
 
 
-def surface_m(shapes: Iterable[Shape], start: Point, direction: Point) -> float | None:
+def trace_ray_m(shapes: Iterable[Shape], start: Point, direction: Point) -> float | None:
     """Return the distance along a ray to the first surface [m]; None if there is none.
 
     Parameters
@@ -192,24 +192,24 @@ def surface_m(shapes: Iterable[Shape], start: Point, direction: Point) -> float 
     start
         A point outside all of them [m].
     """
-    spans = (_span(shape, start, direction) for shape in shapes)
+    spans = (_find_span(shape, start, direction) for shape in shapes)
     return min((span[0] for span in spans if span is not None), default=None)
 
 
-def _span(shape: Shape, start: Point, direction: Point) -> tuple[float, float] | None:
+def _find_span(shape: Shape, start: Point, direction: Point) -> tuple[float, float] | None:
     """Return the first and last distance at which a line is inside a shape [m], or None."""
     if isinstance(shape, Box):
-        return _common(
-            _between(start[axis] - shape.centre[axis], direction[axis], shape.size[axis] / 2)
+        return _intersect(
+            _cross_slab(start[axis] - shape.centre[axis], direction[axis], shape.size[axis] / 2)
             for axis in range(3)
         )
     if isinstance(shape, Cylinder):
-        z = _between(start[2] - shape.centre[2], direction[2], shape.height_m / 2)
-        return _common((z, _inside_mantle(shape, start, direction)))
-    return _inside_mesh(shape, start, direction)
+        z = _cross_slab(start[2] - shape.centre[2], direction[2], shape.height_m / 2)
+        return _intersect((z, _cross_mantle(shape, start, direction)))
+    return _cross_mesh(shape, start, direction)
 
 
-def _between(offset: float, slope: float, half: float) -> tuple[float, float] | None:
+def _cross_slab(offset: float, slope: float, half: float) -> tuple[float, float] | None:
     """Return the range of ``t`` with ``|offset + t * slope| <= half``."""
     if abs(slope) < 1e-12:
         return (-math.inf, math.inf) if abs(offset) <= half + _RIM_M else None
@@ -217,7 +217,7 @@ def _between(offset: float, slope: float, half: float) -> tuple[float, float] | 
     return min(ends), max(ends)
 
 
-def _inside_mantle(shape: Cylinder, start: Point, direction: Point) -> tuple[float, float] | None:
+def _cross_mantle(shape: Cylinder, start: Point, direction: Point) -> tuple[float, float] | None:
     """Return the span of a line in an upright cylinder without ends."""
     x, y = start[0] - shape.centre[0], start[1] - shape.centre[1]
     a = direction[0] ** 2 + direction[1] ** 2
@@ -232,7 +232,7 @@ def _inside_mantle(shape: Cylinder, start: Point, direction: Point) -> tuple[flo
     return middle - half, middle + half
 
 
-def _inside_mesh(shape: Mesh, start: Point, direction: Point) -> tuple[float, float] | None:
+def _cross_mesh(shape: Mesh, start: Point, direction: Point) -> tuple[float, float] | None:
     """Return the span of a line from its first to its last crossing of a mesh."""
     met = []
     for face in shape.faces:
@@ -252,7 +252,7 @@ def _inside_mesh(shape: Mesh, start: Point, direction: Point) -> tuple[float, fl
     return (min(met), max(met)) if met else None
 
 
-def _common(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
+def _intersect(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
     """Return the intersection of spans; None if it is empty."""
     low, high = -math.inf, math.inf
     for span in spans:
@@ -262,15 +262,15 @@ def _common(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] 
     return (low, high) if low <= high + _RIM_M else None
 
 
-def side_name(approach: Point) -> str:
+def name_side(approach: Point) -> str:
     """Return the name of the side from which a hand comes."""
     for name, direction in _SIDES:
         if is_same_direction(direction, approach):
             return name
-    return direction_name(_opposite(approach))
+    return name_direction(_negate(approach))
 
 
-def direction_name(direction: Point) -> str:
+def name_direction(direction: Point) -> str:
     """Return the name of a unit vector: ``-x``, or its components if it is oblique."""
     for name, axis in AXES.items():
         for sign in (1.0, -1.0):
@@ -293,8 +293,8 @@ def name_grasps(grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
     """Return grasps with distinct names; a single grasp gets none."""
     if len(grasps) < 2:
         return tuple(grasps)
-    names = [side_name(grasp.approach) for grasp in grasps]
-    for detail in (_closing_words, _kind_words):
+    names = [name_side(grasp.approach) for grasp in grasps]
+    for detail in (_describe_closing, _describe_kind):
         taken = Counter(names)
         names = [
             f"{name} {detail(grasp)}" if taken[name] > 1 else name
@@ -305,26 +305,26 @@ def name_grasps(grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
     return tuple(replace(grasp, name=name) for grasp, name in zip(grasps, names, strict=True))
 
 
-def _closing_words(grasp: Grasp) -> str:
+def _describe_closing(grasp: Grasp) -> str:
     axis = grasp.closing_axis
-    return f"closing along {axis if axis is not None else direction_name(grasp.closing)}"
+    return f"closing along {axis if axis is not None else name_direction(grasp.closing)}"
 
 
-def _kind_words(grasp: Grasp) -> str:
+def _describe_kind(grasp: Grasp) -> str:
     return "by suction" if grasp.kind is GraspKind.SUCTION else "by jaws"
 
 
-def _extent(shapes: Sequence[Shape], direction: Point) -> tuple[float, float]:
-    opposite = _opposite(direction)
+def _measure_extent(shapes: Sequence[Shape], direction: Point) -> tuple[float, float]:
+    opposite = _negate(direction)
     low_m = min(-shape.reach_m(opposite) for shape in shapes)
     return low_m, max(shape.reach_m(direction) for shape in shapes)
 
 
-def _opposite(direction: Point) -> Point:
+def _negate(direction: Point) -> Point:
     return (-direction[0], -direction[1], -direction[2])
 
 
-def _crosswise(approach: Point) -> tuple[Point, Point]:
+def _find_perpendicular(approach: Point) -> tuple[Point, Point]:
     """Return two directions perpendicular to an approach: axes of the part if possible."""
     axes = [axis for axis in AXES.values() if abs(dot(axis, approach)) < 1e-9]
     if len(axes) == 2:
@@ -333,7 +333,7 @@ def _crosswise(approach: Point) -> tuple[Point, Point]:
     return level, cross(approach, level)
 
 
-def _across(approach: Point) -> Point:
+def _choose_closing(approach: Point) -> Point:
     """Return the closing direction of a suction cup: the one nearest to y."""
-    direction, other = _crosswise(approach)
+    direction, other = _find_perpendicular(approach)
     return other if math.fabs(other[1]) > math.fabs(direction[1]) else direction

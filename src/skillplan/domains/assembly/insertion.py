@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from skillplan.domains.assembly.gripping import grasps_of_part
-from skillplan.domains.assembly.holding import direction_name
+from skillplan.domains.assembly.gripping import list_grasps
+from skillplan.domains.assembly.holding import name_direction
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.assembly.schema_types import dwell_s, unit_of
+from skillplan.domains.assembly.schema_types import find_dwell_s, make_unit
 from skillplan.errors import Issue
 from skillplan.task.motion import AXES, Event, Grasp, Visit
 from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, unit
@@ -22,10 +22,10 @@ _CLEARANCE_M = 0.005
 _LEAST_M = 0.01
 
 
-def insertion_directions(config: AssemblyConfig, name: str) -> tuple[Point, ...]:
+def list_directions(config: AssemblyConfig, name: str) -> tuple[Point, ...]:
     """Return the directions in the world in which a part may go in; straight down by default."""
     part = config.parts[name]
-    given = _given_directions(part)
+    given = _list_given_directions(part)
     if part.frame == "goal":
         goal = get_layout(config).goal(name).pose
         return tuple(unit(goal.rotate(vector)) for vector in given)
@@ -35,7 +35,7 @@ def insertion_directions(config: AssemblyConfig, name: str) -> tuple[Point, ...]
 def find_insertion_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield directions that are listed twice."""
     for name, part in config.parts.items():
-        directions = _given_directions(part)
+        directions = _list_given_directions(part)
         for index, direction in enumerate(directions):
             earlier = next(
                 i for i, other in enumerate(directions) if is_same_direction(other, direction)
@@ -45,34 +45,36 @@ def find_insertion_issues(config: AssemblyConfig) -> Iterator[Issue]:
                 yield Issue(message, ("parts", name, "insert_along", index))
 
 
-def pick_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visit]]:
+def list_pick_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visit]]:
     """Return a visit with its label for each grasp of a part at the start."""
     pose = get_layout(config).start(name).pose
     part = config.parts[name]
-    takes_s = dwell_s("pick", config.durations_s, part, config.tools[part.tool])
+    takes_s = find_dwell_s("pick", config.durations_s, part, config.tools[part.tool])
     return [
-        (_label(None, grasp), Visit(pose, Event.GRASP, name, _named(grasp), dwell_s=takes_s))
-        for grasp in grasps_of_part(config, name)
+        (_label(None, grasp), Visit(pose, Event.GRASP, name, _get_named(grasp), dwell_s=takes_s))
+        for grasp in list_grasps(config, name)
     ]
 
 
-def place_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visit]]:
+def list_place_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visit]]:
     """Return a visit with its label for each grasp and direction of a part at its goal."""
     pose = get_layout(config).goal(name).pose
-    directions = insertion_directions(config, name)
+    directions = list_directions(config, name)
     part = config.parts[name]
-    takes_s = dwell_s("place", config.durations_s, part, config.tools[part.tool])
+    takes_s = find_dwell_s("place", config.durations_s, part, config.tools[part.tool])
     visits = []
-    for grasp in grasps_of_part(config, name):
+    for grasp in list_grasps(config, name):
         for direction in directions:
             label = _label(direction if len(directions) > 1 else None, grasp)
-            length_m = insertion_m(config, name, direction)
-            visit = Visit(pose, Event.RELEASE, name, _named(grasp), direction, length_m, takes_s)
+            length_m = measure_insertion_m(config, name, direction)
+            visit = Visit(
+                pose, Event.RELEASE, name, _get_named(grasp), direction, length_m, takes_s
+            )
             visits.append((label, visit))
     return visits
 
 
-def insertion_m(config: AssemblyConfig, name: str, direction: Point) -> float | None:
+def measure_insertion_m(config: AssemblyConfig, name: str, direction: Point) -> float | None:
     """Return the length of an insertion [m].
 
     It is as given, or the length to clear every part at its goal that the part goes into, plus
@@ -86,30 +88,32 @@ def insertion_m(config: AssemblyConfig, name: str, direction: Point) -> float | 
     across = unit(cross(direction, level))
     axes = (across, cross(direction, across), direction)
     for other in config.parts:
-        if other != name and all(_overlap_m(config, name, other, axis) > _TOUCH_M for axis in axes):
-            front_m = _reach_m(config, name, direction)
-            begins_m = -_reach_m(config, other, _opposite(direction))
+        if other != name and all(
+            _measure_overlap_m(config, name, other, axis) > _TOUCH_M for axis in axes
+        ):
+            front_m = _measure_reach_m(config, name, direction)
+            begins_m = -_measure_reach_m(config, other, _negate(direction))
             lengths_m.append(front_m - begins_m + _CLEARANCE_M)
     return round(max(lengths_m), 9)
 
 
-def _given_directions(part: PartConfig) -> tuple[Point, ...]:
+def _list_given_directions(part: PartConfig) -> tuple[Point, ...]:
     """Return the directions of a part in the frame of its file."""
     if part.insert_along is None:
         return (DOWN,)
     vectors = part.insert_along
     listed = vectors if isinstance(vectors[0], list) else [vectors]
-    return tuple(unit_of(vector) for vector in listed)
+    return tuple(make_unit(vector) for vector in listed)
 
 
-def _overlap_m(config: AssemblyConfig, name: str, other: str, axis: Point) -> float:
+def _measure_overlap_m(config: AssemblyConfig, name: str, other: str, axis: Point) -> float:
     """Return the overlap of two parts at their goals along a direction [m]."""
-    back = _opposite(axis)
-    high_m = min(_reach_m(config, name, axis), _reach_m(config, other, axis))
-    return high_m + min(_reach_m(config, name, back), _reach_m(config, other, back))
+    back = _negate(axis)
+    high_m = min(_measure_reach_m(config, name, axis), _measure_reach_m(config, other, axis))
+    return high_m + min(_measure_reach_m(config, name, back), _measure_reach_m(config, other, back))
 
 
-def _reach_m(config: AssemblyConfig, name: str, direction: Point) -> float:
+def _measure_reach_m(config: AssemblyConfig, name: str, direction: Point) -> float:
     """Return the extent of a part at its goal along a direction of the world [m]."""
     pose = get_layout(config).goal(name).pose
     own = pose.inverse().rotate(direction)
@@ -117,15 +121,15 @@ def _reach_m(config: AssemblyConfig, name: str, direction: Point) -> float:
     return dot(pose.position, direction) + extent_m
 
 
-def _opposite(direction: Point) -> Point:
+def _negate(direction: Point) -> Point:
     return (-direction[0], -direction[1], -direction[2])
 
 
-def _named(grasp: Grasp) -> Grasp | None:
+def _get_named(grasp: Grasp) -> Grasp | None:
     """Return a grasp chosen among several; the scene's body holds a single grasp itself."""
     return grasp if grasp.name else None
 
 
 def _label(direction: Point | None, grasp: Grasp) -> str:
-    words = [] if direction is None else [f"along {direction_name(direction)}"]
+    words = [] if direction is None else [f"along {name_direction(direction)}"]
     return ", ".join(words + ([f"grasp {grasp.name}"] if grasp.name else []))

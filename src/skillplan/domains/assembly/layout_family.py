@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from skillplan.domains.assembly.consistency import find_issues
-from skillplan.domains.assembly.geometry_faults import distances_m
-from skillplan.domains.assembly.resting import bearers_at_start
+from skillplan.domains.assembly.geometry_faults import measure_distances_m
+from skillplan.domains.assembly.resting import find_bearers
 from skillplan.domains.assembly.schema import AssemblyConfig, FamilyConfig
 from skillplan.errors import OptionError
 
@@ -46,7 +46,7 @@ def draw_layouts(config: AssemblyConfig, seed: int, count: int) -> list[Assembly
             f"The task {config.name!r} describes no family of layouts. Give it a block such as "
             "family: {start_shift_m: 0.03}."
         )
-    known_m = distances_m(config)
+    known_m = measure_distances_m(config)
     layouts = []
     for index in range(count):
         draw = _Draw(config, config.family, seed, index)
@@ -115,13 +115,13 @@ class _Draw:
     ) -> list[tuple[str, str, str]]:
         return [
             pair
-            for pair, distance_m in distances_m(drawn).items()
+            for pair, distance_m in measure_distances_m(drawn).items()
             if distance_m < min(self.family.gap_m, known_m[pair]) - _ROUNDING_M
         ]
 
     def _carrier(self, name: str) -> str:
         """Return the part on the table that carries a part at the start, or the part itself."""
-        while beneath := bearers_at_start(self.config, name):
+        while beneath := find_bearers(self.config, name):
             name = beneath[0]
         return name
 

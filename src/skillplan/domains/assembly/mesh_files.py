@@ -79,7 +79,7 @@ class Polyhedron:
         )
 
 
-def polyhedron_of(
+def build_polyhedron(
     raw_corners: Floats, raw_faces: Indices, sha256: str, middle: Floats | None = None
 ) -> Polyhedron:
     """Return a checked polyhedron.
@@ -98,7 +98,7 @@ def polyhedron_of(
     MeshFileError
         If it is open, has no outside or no volume, or more than `MAX_CORNERS` corners.
     """
-    corners, faces = _merged(raw_corners, raw_faces)
+    corners, faces = _merge_corners(raw_corners, raw_faces)
     if not len(faces):
         raise MeshFileError("It encloses no volume; give it a thickness.")
     size = corners.max(axis=0) - corners.min(axis=0)
@@ -106,7 +106,7 @@ def polyhedron_of(
         raise MeshFileError(
             f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
         )
-    surface = _closed_outward(corners, faces)
+    surface = _orient_outward(corners, faces)
     faces = np.asarray(surface.faces)
     longest_m = float(size.max())
     volume_m3 = float(surface.volume)
@@ -124,7 +124,7 @@ def polyhedron_of(
     )
 
 
-def _merged(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
+def _merge_corners(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
     """Return distinct corners to a nanometre, and the faces with three distinct corners."""
     rounded = np.round(corners, DECIMALS) + 0.0
     unique, index = np.unique(rounded, axis=0, return_inverse=True)
@@ -137,7 +137,7 @@ def _merged(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
     return unique[used], compact.reshape(-1, 3)
 
 
-def _closed_outward(corners: Floats, faces: Indices) -> trimesh.Trimesh:
+def _orient_outward(corners: Floats, faces: Indices) -> trimesh.Trimesh:
     """Return the surface with its faces turned outward, each connected body by itself."""
     surface = trimesh.Trimesh(corners, faces, process=False)
     if not surface.is_watertight:
@@ -194,8 +194,8 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
         of
         at most `MAX_CORNERS` corners, 1e-6 m to 10 m long.
     """
-    content, suffix = content_of(folder, name)
-    polyhedron = _polyhedron_or_refusal(content, suffix, scale)
+    content, suffix = read_content(folder, name)
+    polyhedron = _try_parse(content, suffix, scale)
     if isinstance(polyhedron, MeshFileError):
         raise MeshFileError(str(polyhedron), polyhedron.key)
     return polyhedron
@@ -216,8 +216,8 @@ def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...],
     MeshFileError
         If the file is elsewhere, unreadable or larger than `MAX_BYTES`, or contains no body.
     """
-    content, suffix = content_of(folder, name)
-    corners, faces = parsed(content, suffix)
+    content, suffix = read_content(folder, name)
+    corners, faces = parse_mesh(content, suffix)
     if not len(faces) or not np.isfinite(corners).all():
         raise MeshFileError("It holds no surface; save it as triangles.")
     with np.errstate(over="ignore", invalid="ignore"):
@@ -230,12 +230,12 @@ def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...],
     used = np.unique(np.round(used, DECIMALS), axis=0)
     if len(used) > _DIRECTIONS:
         middle = used.mean(axis=0)
-        used = used[np.unique(np.argmax((used - middle) @ _even_directions().T, axis=0))]
+        used = used[np.unique(np.argmax((used - middle) @ _spread_directions().T, axis=0))]
     points = tuple((float(x), float(y), float(z)) for x, y, z in used)
     return points, content
 
 
-def _even_directions() -> Floats:
+def _spread_directions() -> Floats:
     """Return evenly spread unit vectors (Fibonacci lattice)."""
     number = np.arange(_DIRECTIONS) + 0.5
     z = 1 - 2 * number / _DIRECTIONS
@@ -244,7 +244,7 @@ def _even_directions() -> Floats:
     return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
 
 
-def content_of(folder: Path, name: str) -> tuple[bytes, str]:
+def read_content(folder: Path, name: str) -> tuple[bytes, str]:
     """Return the content of a file and its suffix."""
     try:
         path = find_companion(folder, name)
@@ -260,15 +260,15 @@ def content_of(folder: Path, name: str) -> tuple[bytes, str]:
 
 # Hundreds of parts may use the same file.
 @lru_cache(maxsize=16)
-def _polyhedron_or_refusal(content: bytes, suffix: str, scale: float) -> Polyhedron | MeshFileError:
+def _try_parse(content: bytes, suffix: str, scale: float) -> Polyhedron | MeshFileError:
     try:
-        return _polyhedron(content, suffix, scale)
+        return _parse_polyhedron(content, suffix, scale)
     except MeshFileError as refusal:
         return refusal.with_traceback(None)
 
 
-def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
-    raw_corners, raw_faces = parsed(content, suffix)
+def _parse_polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
+    raw_corners, raw_faces = parse_mesh(content, suffix)
     if not len(raw_faces):
         raise MeshFileError("It holds no faces; save the surface as triangles or polygons.")
     if not np.isfinite(raw_corners).all():
@@ -279,10 +279,12 @@ def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
         size = used.max(axis=0) - used.min(axis=0)
     _check_size(size, scale)
     middle = (used.max(axis=0) + used.min(axis=0)) / 2
-    return polyhedron_of(corners - middle, raw_faces, hashlib.sha256(content).hexdigest(), middle)
+    return build_polyhedron(
+        corners - middle, raw_faces, hashlib.sha256(content).hexdigest(), middle
+    )
 
 
-def parsed(content: bytes, suffix: str) -> tuple[Floats, Indices]:
+def parse_mesh(content: bytes, suffix: str) -> tuple[Floats, Indices]:
     """Return corners and triangles as stored in the file."""
     unread = f"It cannot be read as {suffix[1:].upper()}; save it again."
     try:
@@ -346,26 +348,26 @@ def read_pieces(
     if name is None:
         return (), ""
     try:
-        content, suffix = content_of(folder, name)
+        content, suffix = read_content(folder, name)
     except MeshFileError as error:
         raise MeshFileError(str(error), "pieces") from None
-    return _pieces(content, suffix, scale, whole.middle, whole.size)
+    return _parse_pieces(content, suffix, scale, whole.middle, whole.size)
 
 
 # Identical parts have files with the same content.
 @lru_cache(maxsize=16)
-def _pieces(
+def _parse_pieces(
     content: bytes, suffix: str, scale: float, middle: Point, size: Point
 ) -> tuple[tuple[Polyhedron, ...], str]:
-    raw_corners, raw_faces = parsed(content, suffix)
+    raw_corners, raw_faces = parse_mesh(content, suffix)
     corners = np.round(raw_corners * scale - np.array(middle), DECIMALS) + 0.0
-    groups = _components(raw_faces, len(corners))
+    groups = _split_components(raw_faces, len(corners))
     if not 0 < len(groups) <= MAX_PIECES:
         raise MeshFileError(f"It holds {len(groups):,} pieces; give 1 to {MAX_PIECES:,}.", "pieces")
     pieces = []
     for number, faces in enumerate(groups, 1):
         try:
-            piece = polyhedron_of(corners, faces, "")
+            piece = build_polyhedron(corners, faces, "")
         except MeshFileError as error:
             raise MeshFileError(f"Piece {number}: {error}", "pieces") from None
         if not piece.convex:
@@ -383,7 +385,7 @@ def _pieces(
     return tuple(pieces), hashlib.sha256(content).hexdigest()
 
 
-def _components(faces: Indices, count: int) -> list[Indices]:
+def _split_components(faces: Indices, count: int) -> list[Indices]:
     """Return the faces of each connected body, in the order of the file."""
     geometry: Any = trimesh.geometry
     graph: Any = trimesh.graph

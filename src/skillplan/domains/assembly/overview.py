@@ -6,18 +6,18 @@ from collections.abc import Iterator
 from typing import Any
 
 from skillplan.collision.boxes import WorldBox, box_at, sweep_hits
-from skillplan.domains.assembly.gripping import grasps_of_part
-from skillplan.domains.assembly.holding import direction_name
-from skillplan.domains.assembly.insertion import insertion_directions, insertion_m
+from skillplan.domains.assembly.gripping import list_grasps
+from skillplan.domains.assembly.holding import name_direction
+from skillplan.domains.assembly.insertion import list_directions, measure_insertion_m
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_meshes import list_moved_meshes, list_pieces
 from skillplan.domains.assembly.part_schema import PartConfig
-from skillplan.domains.assembly.resting import Rest, rests_at_goal, rests_at_start
+from skillplan.domains.assembly.resting import Rest, find_goal_rests, find_start_rests
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.assembly.schema_types import GraspConfig, given_kinds
+from skillplan.domains.assembly.schema_types import GraspConfig, list_given_kinds
 from skillplan.domains.domain import Overview
 from skillplan.errors import Issue
-from skillplan.physics.linear_motions import jaws_about
+from skillplan.physics.linear_motions import grasp_boxes
 from skillplan.task.motion import Point
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Grasp, GraspKind
@@ -36,7 +36,7 @@ def find_hints(config: AssemblyConfig) -> Iterator[Issue]:
 def _find_idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield dwell times that no skill uses."""
     for name, screw in config.screws.items():
-        if screw.feeder is None and "fetch" in given_kinds(screw):
+        if screw.feeder is None and "fetch" in list_given_kinds(screw):
             message = f"has no effect, as {name!r} comes from no feeder. Give one, or leave it out."
             yield Issue(message, ("screws", name, "durations_s", "fetch"))
     for name, tool in config.tools.items():
@@ -44,7 +44,7 @@ def _find_idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
         fetched = any(screw.feeder is not None for screw in screws)
         holds = any(part.tool == name for part in config.parts.values())
         is_used = {"pick": holds, "place": holds, "fasten": bool(screws), "fetch": fetched}
-        for kind in given_kinds(tool):
+        for kind in list_given_kinds(tool):
             if not is_used.get(kind, True):
                 message = f"has no effect, as no skill with {name!r} has this dwell. Leave it out."
                 yield Issue(message, ("tools", name, "durations_s", kind))
@@ -53,19 +53,19 @@ def _find_idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
 def _find_wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield parts that are wider along their closing axis than the jaws of an engine open."""
     for name, part in config.parts.items():
-        grasps = grasps_of_part(config, name)
+        grasps = list_grasps(config, name)
         tool = config.tools[part.tool]
         opening_m = (tool.hand_on(config.robot.hand) or config.robot.hand).opening_m
-        if any(_fits(grasp, opening_m) for grasp in grasps):
+        if any(_is_narrow(grasp, opening_m) for grasp in grasps):
             continue
         grasp = grasps[0]
-        axis = grasp.closing_axis or direction_name(grasp.closing)
+        axis = grasp.closing_axis or name_direction(grasp.closing)
         given = part.grasp if isinstance(part.grasp, GraspConfig) else None
         turned = ""
         if given is not None and grasp.from_above and axis in ("x", "y"):
             # Suggest the other axis if the part is narrow enough along it at the same depth.
             other = "yx"["xy".index(axis)]
-            if jaws_about(part.bounding_boxes, other, given.depth_m).width_m <= opening_m:
+            if grasp_boxes(part.bounding_boxes, other, given.depth_m).width_m <= opening_m:
                 turned = f"{{closing_axis: {other}}} or "
         message = (
             f"{grasp.width_m:.3f} m wide along {axis}, where jaws of {part.tool!r} close; those "
@@ -75,14 +75,14 @@ def _find_wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
         yield Issue(message, ("parts", name, "grasp" if is_own else part.shape_key))
 
 
-def _fits(grasp: Grasp, opening_m: float) -> bool:
+def _is_narrow(grasp: Grasp, opening_m: float) -> bool:
     return grasp.kind is GraspKind.SUCTION or grasp.width_m <= opening_m + _ROUNDING_M
 
 
 def _find_blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
     layout = get_layout(config)
     lying = {
-        name: _boxes_at(part, layout.start(name).pose)
+        name: _place_boxes(part, layout.start(name).pose)
         for name, part in config.parts.items()
         if part.feeder is None
     }
@@ -95,8 +95,8 @@ def _find_blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
         for name, waiting in blocked.items():
             if waiting:
                 message = (
-                    f"{name!r} lies where {feeder!r} hands out {_listed(waiting)}, which cannot be "
-                    "taken before it is gone. Move one of them."
+                    f"{name!r} lies where {feeder!r} hands out {_join_names(waiting)}, which "
+                    "cannot be taken before it is gone. Move one of them."
                 )
                 key = "start_on" if config.parts[name].start_m is None else "start_m"
                 yield Issue(message, ("parts", name, key))
@@ -106,23 +106,23 @@ def _list_presented(config: AssemblyConfig, feeder: str) -> dict[str, tuple[Worl
     """Return the boxes about the parts and screws that a feeder presents, by name."""
     layout, place = get_layout(config), config.feeders[feeder].position
     parts = {
-        name: _boxes_at(part, layout.start(name).pose)
+        name: _place_boxes(part, layout.start(name).pose)
         for name, part in config.parts.items()
         if part.feeder == feeder
     }
     heads = {
-        name: (_head(place, screw.head_diameter_m, screw.head_height_m),)
+        name: (_build_head(place, screw.head_diameter_m, screw.head_height_m),)
         for name, screw in config.screws.items()
         if screw.feeder == feeder
     }
     return {**parts, **heads}
 
 
-def _boxes_at(part: PartConfig, pose: Pose) -> tuple[WorldBox, ...]:
+def _place_boxes(part: PartConfig, pose: Pose) -> tuple[WorldBox, ...]:
     return tuple(box_at(box, pose) for box in part.bounding_boxes)
 
 
-def _head(place: Point, diameter_m: float, height_m: float) -> WorldBox:
+def _build_head(place: Point, diameter_m: float, height_m: float) -> WorldBox:
     x_m, y_m, z_m = place
     radius_m = diameter_m / 2
     return WorldBox(
@@ -136,7 +136,7 @@ def _meet(taken: tuple[WorldBox, ...], lying: tuple[WorldBox, ...], config: Asse
     return any(sweep_hits(own, lift, other, _TOUCH_M) for own in taken for other in lying)
 
 
-def _listed(names: list[str]) -> str:
+def _join_names(names: list[str]) -> str:
     shown = ", ".join(repr(name) for name in names[:4])
     return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown
 
@@ -145,10 +145,10 @@ def list_supports(config: AssemblyConfig) -> Overview:
     """Return the supports of every part, moved meshes and convex pieces, as text and JSON."""
     lines, entries = [], []
     for name, part in config.parts.items():
-        start, goal = rests_at_start(config, name), rests_at_goal(config, name)
-        before = f"in {part.feeder}" if part.feeder is not None else f"on {_words(start)}"
-        lines.append(f"rests      {name} on {_words(goal)}; at the start {before}")
-        entries.append({"part": name, "start": _document(start), "goal": _document(goal)})
+        start, goal = find_start_rests(config, name), find_goal_rests(config, name)
+        before = f"in {part.feeder}" if part.feeder is not None else f"on {_format_rests(start)}"
+        lines.append(f"rests      {name} on {_format_rests(goal)}; at the start {before}")
+        entries.append({"part": name, "start": _build_rests(start), "goal": _build_rests(goal)})
     origins, meshes = list_moved_meshes(config)
     more, pieces = list_pieces(config)
     extra = {"meshes": meshes, "pieces": pieces}
@@ -156,11 +156,11 @@ def list_supports(config: AssemblyConfig) -> Overview:
     return Overview(document, (*lines, *origins, *more))
 
 
-def _words(rests: list[Rest]) -> str:
+def _format_rests(rests: list[Rest]) -> str:
     return ", ".join(f"{rest.on} ({rest.area_m2 * 1e6:,.1f} mm2)" for rest in rests)
 
 
-def _document(rests: list[Rest]) -> list[dict[str, Any]]:
+def _build_rests(rests: list[Rest]) -> list[dict[str, Any]]:
     return [{"on": rest.on, "area_mm2": round(rest.area_m2 * 1e6, 3)} for rest in rests]
 
 
@@ -171,17 +171,17 @@ def list_choices(config: AssemblyConfig) -> Overview:
     """
     lines, entries = [], []
     for name, part in config.parts.items():
-        grasps = [grasp.name for grasp in grasps_of_part(config, name) if grasp.name]
-        directions = () if part.insert_along is None else insertion_directions(config, name)
+        grasps = [grasp.name for grasp in list_grasps(config, name) if grasp.name]
+        directions = () if part.insert_along is None else list_directions(config, name)
         if not grasps and not directions:
             continue
         stretches: list[dict[str, Any]] = []
         words = []
         for direction in directions:
-            length_m = insertion_m(config, name, direction)
+            length_m = measure_insertion_m(config, name, direction)
             stretches.append({"along": list(direction), "insert_m": length_m})
             far = "" if length_m is None else f" over {1000 * length_m:,.1f} mm"
-            words.append(f"along {direction_name(direction)}{far}")
+            words.append(f"along {name_direction(direction)}{far}")
         clauses = [f"goes in {' or '.join(words)}"] if words else []
         clauses += [f"is held at {' or '.join(grasps)}"] if grasps else []
         lines.append(f"ways       {name} {', '.join(clauses)}")

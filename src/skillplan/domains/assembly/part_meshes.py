@@ -68,7 +68,7 @@ def find_moved_meshes(config: AssemblyConfig, parts: Iterable[str]) -> Iterator[
                 yield MovedMesh(name, index, mesh, _round_point(moved), kept)
 
 
-def origin_hint(config: AssemblyConfig, parts: Iterable[str]) -> str:
+def build_origin_hint(config: AssemblyConfig, parts: Iterable[str]) -> str:
     """Return sentences on moved meshes, to be appended to a fault of their parts' places."""
     moved = find_moved_meshes(config, parts)
     words = dict.fromkeys(mesh.words for mesh in moved if mesh.keeping_m is not None)
@@ -93,13 +93,13 @@ def list_moved_meshes(config: AssemblyConfig) -> tuple[list[str], list[dict[str,
 
 def find_piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield concave meshes that no plugin decomposes into convex pieces."""
-    concave = [entry for entry in _concave_meshes(config) if not entry[3]]
+    concave = [entry for entry in _list_concave_meshes(config) if not entry[3]]
     for number, (name, index, mesh, _) in enumerate(concave, 1):
         # Imports numpy, which most boards do not need.
-        from skillplan.collision.decomposition import NoPieces, decomposition_of
+        from skillplan.collision.decomposition import NoPieces, decompose
 
         try:
-            decomposition_of(mesh, f"{name!r}, mesh {number} of {len(concave)}")
+            decompose(mesh, f"{name!r}, mesh {number} of {len(concave)}")
         except NoPieces as error:
             yield Issue(f"{error}.", ("parts", name, "meshes", index, "file"))
 
@@ -107,10 +107,10 @@ def find_piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
 def list_pieces(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
     """Return number and errors of the pieces of each concave mesh, in words and as JSON values."""
     lines, entries = [], []
-    for name, index, mesh, given in _concave_meshes(config):
-        from skillplan.collision.decomposition import decomposition_of, given_decomposition
+    for name, index, mesh, given in _list_concave_meshes(config):
+        from skillplan.collision.decomposition import decompose, measure_given
 
-        decomposition = given_decomposition(mesh, given) if given else decomposition_of(mesh)
+        decomposition = measure_given(mesh, given) if given else decompose(mesh)
         count = len(decomposition.pieces)
         lines.append(
             f"pieces     {name} moves as {count} convex piece{'' if count == 1 else 's'}, "
@@ -129,7 +129,7 @@ def list_pieces(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]
     return lines, entries
 
 
-def _concave_meshes(
+def _list_concave_meshes(
     config: AssemblyConfig,
 ) -> Iterator[tuple[str, int, Mesh, tuple[Mesh, ...]]]:
     for name, part in config.parts.items():

@@ -29,9 +29,9 @@ from skillplan.domains.assembly.schema_types import (
     PlanarOrSpatial,
     ScrewDurations,
     Spatial,
-    as_point,
     is_absent,
-    unit_of,
+    make_point,
+    make_unit,
 )
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continue_sentence, shown
@@ -43,7 +43,7 @@ Mass = Annotated[float, Field(ge=1e-6, le=1000)]
 FailureProbability = Annotated[float, Field(ge=0, le=1 - 1e-9)]
 
 
-def _listed(value: Any) -> Any:
+def _make_list(value: Any) -> Any:
     """Return a name as a list of one."""
     return [value] if isinstance(value, str) else value
 
@@ -51,7 +51,7 @@ def _listed(value: Any) -> Any:
 Names = Annotated[
     list[Name],
     Field(min_length=1, max_length=64),
-    BeforeValidator(_listed, json_schema_input_type=Name | list[Name]),
+    BeforeValidator(_make_list, json_schema_input_type=Name | list[Name]),
 ]
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
@@ -266,12 +266,12 @@ class PartConfig(Strict):
     @property
     def start_turn_rad(self) -> Point:
         """Roll, pitch and yaw at the start [rad]."""
-        return _turn(self.start_rpy_rad, self.start_yaw_rad)
+        return _make_turn(self.start_rpy_rad, self.start_yaw_rad)
 
     @property
     def goal_turn_rad(self) -> Point:
         """Roll, pitch and yaw at the goal [rad]."""
-        return _turn(self.goal_rpy_rad, self.goal_yaw_rad)
+        return _make_turn(self.goal_rpy_rad, self.goal_yaw_rad)
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -284,7 +284,9 @@ class PartConfig(Strict):
             return (Cylinder(self.cylinder.diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
         if self.meshes is not None:
             return tuple(mesh.shape for mesh in self.meshes)
-        return tuple(Box(as_point(box.size_m), as_point(box.centre_m)) for box in self.boxes or ())
+        return tuple(
+            Box(make_point(box.size_m), make_point(box.centre_m)) for box in self.boxes or ()
+        )
 
     @property
     def convex_shapes(self) -> tuple[Shape, ...]:
@@ -298,14 +300,14 @@ class PartConfig(Strict):
         if all(mesh.convex for mesh in self.meshes or ()):
             return self.shapes
         # Imports numpy, which most boards do not need.
-        from skillplan.collision.decomposition import decomposition_of
+        from skillplan.collision.decomposition import decompose
 
         shapes: list[Shape] = []
         for mesh in self.meshes or ():
             if mesh.convex:
                 shapes.append(mesh.shape)
             else:
-                shapes += mesh.given_pieces or decomposition_of(mesh.shape).pieces
+                shapes += mesh.given_pieces or decompose(mesh.shape).pieces
         return tuple(shapes)
 
     @property
@@ -324,7 +326,7 @@ class PartConfig(Strict):
         return next(key for key in SHAPE_KEYS if getattr(self, key) is not None)
 
 
-def _turn(rpy_rad: list[float] | None, yaw_rad: float) -> Point:
+def _make_turn(rpy_rad: list[float] | None, yaw_rad: float) -> Point:
     roll, pitch, yaw = rpy_rad or (0.0, 0.0, yaw_rad)
     return (roll, pitch, yaw)
 
@@ -359,11 +361,11 @@ class ScrewConfig(Strict):
     @property
     def direction(self) -> Point:
         """Unit vector in the world along which it goes into its hole."""
-        return unit_of(self.axis)
+        return make_unit(self.axis)
 
     @model_validator(mode="after")
     def _require_height_of_oblique_hole(self) -> ScrewConfig:
-        if len(self.hole_m) < 3 and unit_of(self.axis) != DOWN:
+        if len(self.hole_m) < 3 and make_unit(self.axis) != DOWN:
             message = "give the hole x y z [m], as its axis is not straight down."
             raise Located(message, "hole_m")
         return self

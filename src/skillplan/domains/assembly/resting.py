@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from skillplan.collision.solid import TOUCH_M, Solid, centre_of, stands
+from skillplan.collision.solid import TOUCH_M, Solid, find_centre, is_supported
 from skillplan.domains.assembly.layout import get_layout, get_table
-from skillplan.domains.assembly.part_meshes import origin_hint
+from skillplan.domains.assembly.part_meshes import build_origin_hint
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
@@ -51,7 +51,7 @@ class _Stage:
         return given
 
 
-def bearers_at_start(config: AssemblyConfig, name: str) -> list[str]:
+def find_bearers(config: AssemblyConfig, name: str) -> list[str]:
     """Return the parts that a part lies on at the start, by name or by its height."""
     part = config.parts[name]
     if part.start_m is None or len(part.start_m) == 2:
@@ -59,34 +59,36 @@ def bearers_at_start(config: AssemblyConfig, name: str) -> list[str]:
     layout = get_layout(config)
     own = layout.start(name)
     lying = [other for other, at in config.parts.items() if other != name and at.feeder is None]
-    return [other for other in lying if _bears(layout.start(other), own)]
+    return [other for other in lying if _is_bearing(layout.start(other), own)]
 
 
-def rests_at_start(config: AssemblyConfig, name: str) -> list[Rest]:
+def find_start_rests(config: AssemblyConfig, name: str) -> list[Rest]:
     """Return the supports of a part at the start, largest area first; none in a feeder."""
-    return [] if config.parts[name].feeder is not None else _find_rests(_starts(config), name)
+    return (
+        [] if config.parts[name].feeder is not None else _find_rests(_collect_starts(config), name)
+    )
 
 
-def rests_at_goal(config: AssemblyConfig, name: str) -> list[Rest]:
+def find_goal_rests(config: AssemblyConfig, name: str) -> list[Rest]:
     """Return the supports of a part at its goal among all parts, largest area first."""
-    return _find_rests(_goals(config), name)
+    return _find_rests(_collect_goals(config), name)
 
 
 def find_resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield overlaps, and parts that do not lie on their supports, with millimetres."""
-    for stage in (_starts(config), _goals(config)):
+    for stage in (_collect_starts(config), _collect_goals(config)):
         overlapping: set[str] = set()
         for issue, names in _find_overlaps(config, stage):
             overlapping |= names
             yield issue
         for name in stage.solids:
             if name not in overlapping:
-                hint = origin_hint(config, (name, *stage.named.get(name, ())))
+                hint = build_origin_hint(config, (name, *stage.named.get(name, ())))
                 for issue in _find_gaps(config.parts[name], name, stage):
                     yield replace(issue, message=f"{issue.message}{hint}")
 
 
-def _starts(config: AssemblyConfig) -> _Stage:
+def _collect_starts(config: AssemblyConfig) -> _Stage:
     layout = get_layout(config)
     lying = [name for name, part in config.parts.items() if part.feeder is None]
     return _Stage(
@@ -97,7 +99,7 @@ def _starts(config: AssemblyConfig) -> _Stage:
     )
 
 
-def _goals(config: AssemblyConfig) -> _Stage:
+def _collect_goals(config: AssemblyConfig) -> _Stage:
     layout = get_layout(config)
     return _Stage(
         "goal",
@@ -112,12 +114,12 @@ def _find_rests(stage: _Stage, name: str) -> list[Rest]:
     rests = [
         Rest(other, own.contact_m2(solid))
         for other, solid in {TABLE: get_table(), **stage.solids}.items()
-        if other != name and _bears(solid, own)
+        if other != name and _is_bearing(solid, own)
     ]
     return sorted(rests, key=lambda rest: -rest.area_m2)
 
 
-def _bears(lower: Solid, upper: Solid) -> bool:
+def _is_bearing(lower: Solid, upper: Solid) -> bool:
     if upper.box.low[2] > lower.box.high[2] + TOUCH_M:
         return False
     gap_m = upper.gap_m(lower)
@@ -130,15 +132,17 @@ def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issu
         depth_m = stage.solids[second].depth_m(stage.solids[first])
         if depth_m > TOUCH_M:
             way_m = stage.solids[second].way_out_m(stage.solids[first])
-            message = f"{second!r} and {first!r} overlap by {_mm(way_m)} {stage.when}. Move one."
-            message += origin_hint(config, (second, first))
+            message = (
+                f"{second!r} and {first!r} overlap by {_show_mm(way_m)} {stage.when}. Move one."
+            )
+            message += build_origin_hint(config, (second, first))
             given = stage.place(config.parts[second]) is not None
             key = f"{stage.key}_m" if given else f"{stage.key}_on"
             yield Issue(message, ("parts", second, key)), {first, second}
     for name, solid in stage.solids.items():
         depth_m = -solid.box.low[2]
         if depth_m > TOUCH_M:
-            message = f"{name!r} is {_mm(depth_m)} deep in the table {stage.when}. Raise it."
+            message = f"{name!r} is {_show_mm(depth_m)} deep in the table {stage.when}. Raise it."
             yield Issue(message, ("parts", name, f"{stage.key}_m")), {name}
 
 
@@ -161,11 +165,13 @@ def _find_gaps(part: PartConfig, name: str, stage: _Stage) -> Iterator[Issue]:
         elif gap_m is None:
             yield Issue(f"{name!r} does not lie on {other!r}, but below its top. Raise it.", path)
         elif has_height:
-            message = f"{name!r} floats {_mm(gap_m)} above {other!r}. Lower it, or leave out z."
+            message = (
+                f"{name!r} floats {_show_mm(gap_m)} above {other!r}. Lower it, or leave out z."
+            )
             yield Issue(message, ("parts", name, f"{stage.key}_m"))
         else:
             message = (
-                f"{name!r} does not lie on {other!r}, but {_mm(gap_m)} above it. Leave it out."
+                f"{name!r} does not lie on {other!r}, but {_show_mm(gap_m)} above it. Leave it out."
             )
             yield Issue(message, path)
     if has_height and not named:
@@ -179,7 +185,7 @@ def _find_wall_overlap(name: str, named: list[str], stage: _Stage) -> Iterator[I
     own = stage.solids[name]
     beneath = [get_table(), *(solid for other, solid in stage.solids.items() if other != name)]
     corners = [corner for solid in beneath for face in own.contacts(solid) for corner in face]
-    if not corners or stands(centre_of(own.shapes, own.pose), corners):
+    if not corners or is_supported(find_centre(own.shapes, own.pose), corners):
         return
 
     def passes(by_m: float) -> bool:
@@ -195,7 +201,7 @@ def _find_wall_overlap(name: str, named: list[str], stage: _Stage) -> Iterator[I
         middle_m = (low_m + high_m) / 2
         low_m, high_m = (low_m, middle_m) if passes(middle_m) else (middle_m, high_m)
     walls = " or ".join(repr(other) for other in named)
-    message = f"{name!r} is {_mm(high_m)} deep in a wall of {walls} {stage.when}. Move it."
+    message = f"{name!r} is {_show_mm(high_m)} deep in a wall of {walls} {stage.when}. Move it."
     key = "m" if stage.key == "goal" else "on"
     yield Issue(message, ("parts", name, f"{stage.key}_{key}"))
 
@@ -214,11 +220,11 @@ def _find_floating(name: str, stage: _Stage) -> Iterator[Issue]:
     if gaps_m[nearest] > TOUCH_M:
         support = nearest if nearest == TABLE else repr(nearest)
         message = (
-            f"{name!r} floats {_mm(gaps_m[nearest])} above {support} {stage.when}. Lower it, or "
-            "leave out z."
+            f"{name!r} floats {_show_mm(gaps_m[nearest])} above {support} {stage.when}. Lower it, "
+            "or leave out z."
         )
         yield Issue(message, ("parts", name, f"{stage.key}_m"))
 
 
-def _mm(length_m: float) -> str:
+def _show_mm(length_m: float) -> str:
     return f"{length_m * 1e3:.1f} mm"

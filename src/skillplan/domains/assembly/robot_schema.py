@@ -316,7 +316,7 @@ class _Meshes:
         from skillplan.robots.urdf import UrdfError
 
         refusal = MeshFileError("It names no file.")
-        for candidate in _candidates(name):
+        for candidate in _list_candidates(name):
             within = posixpath.normpath(posixpath.join(self.beside, candidate))
             if (within, scale) in self._hulls:
                 return self._hulls[within, scale]
@@ -338,7 +338,7 @@ class _Meshes:
         raise UrdfError(f"mesh {name[:200]!r}: {words[:1].lower()}{words[1:].rstrip('.')}")
 
 
-def _candidates(name: str) -> list[str]:
+def _list_candidates(name: str) -> list[str]:
     """Return possible paths of a mesh: relative to its package, or to the URDF."""
     if not name.startswith(_PACKAGE):
         return [name]

@@ -35,7 +35,7 @@ _NO_LENGTH = 1e-6
 _Component = Annotated[float, Field(ge=-1000, le=1000)]
 
 
-def _with_length(vector: list[float]) -> list[float]:
+def _require_length(vector: list[float]) -> list[float]:
     if math.hypot(*vector) < _NO_LENGTH:
         raise Located(
             "is a vector of length 0, which is no direction. Give one such as [0, 0, -1]."
@@ -44,12 +44,12 @@ def _with_length(vector: list[float]) -> list[float]:
 
 
 Direction = Annotated[
-    list[_Component], Field(min_length=3, max_length=3), AfterValidator(_with_length)
+    list[_Component], Field(min_length=3, max_length=3), AfterValidator(_require_length)
 ]
 """Three numbers, not all 0; only their ratio matters."""
 
 
-def _how_many(value: Any) -> str:
+def _select_form(value: Any) -> str:
     """Return the form of a list of directions."""
     return SEVERAL if isinstance(value, list) and any(isinstance(v, list) for v in value) else ONE
 
@@ -57,7 +57,7 @@ def _how_many(value: Any) -> str:
 Directions = Annotated[
     Annotated[Direction, Tag(ONE)]
     | Annotated[list[Direction], Field(min_length=1, max_length=16), Tag(SEVERAL)],
-    Discriminator(_how_many),
+    Discriminator(_select_form),
 ]
 """A direction, or a list of them."""
 
@@ -97,7 +97,7 @@ class GraspConfig(Strict):
     )
 
 
-def _which(value: Any) -> str:
+def _select_grasp_form(value: Any) -> str:
     """Return the form of a grasp."""
     if isinstance(value, str):
         return WORD
@@ -108,18 +108,18 @@ Grasps = Annotated[
     Annotated[GraspConfig, Tag(ONE)]
     | Annotated[list[GraspConfig], Field(min_length=1, max_length=32), Tag(SEVERAL)]
     | Annotated[Literal["auto"], Tag(WORD)],
-    Discriminator(_which),
+    Discriminator(_select_grasp_form),
 ]
 """One grasp, several to choose from, or ``auto``."""
 
 
-def as_point(values: list[float]) -> Point:
+def make_point(values: list[float]) -> Point:
     """Return three numbers as a point."""
     x, y, z = values
     return (x, y, z)
 
 
-def unit_of(vector: list[float]) -> Point:
+def make_unit(vector: list[float]) -> Point:
     """Return a unit vector in the direction of three numbers."""
     # A unit vector stays the same bit for bit.
     length = math.hypot(*vector)
@@ -189,7 +189,7 @@ class _Dwells(Protocol):
     def durations_s(self) -> Strict | None: ...
 
 
-def dwell_s(kind: str, task: DurationsConfig, *owners: _Dwells) -> float:
+def find_dwell_s(kind: str, task: DurationsConfig, *owners: _Dwells) -> float:
     """Return a dwell time [s].
 
     Parameters
@@ -202,7 +202,7 @@ def dwell_s(kind: str, task: DurationsConfig, *owners: _Dwells) -> float:
     return taken_s
 
 
-def given_kinds(owner: _Dwells) -> Iterator[str]:
+def list_given_kinds(owner: _Dwells) -> Iterator[str]:
     """Yield the keys of the dwell times that a part, a screw or a tool gives."""
     for kind in DurationsConfig.model_fields:
         if getattr(owner.durations_s, kind, None) is not None:

@@ -11,12 +11,12 @@ CHANGED_TOOL = "changed_tool"
 HOME = "home"
 
 
-def start_place(config: AssemblyConfig, part: str) -> str:
+def name_start(config: AssemblyConfig, part: str) -> str:
     """Return the name of the place where a part is picked up."""
     return config.parts[part].feeder or f"{part}.start"
 
 
-def missed_parts(config: AssemblyConfig) -> list[str]:
+def list_missed_parts(config: AssemblyConfig) -> list[str]:
     """Return the parts that the arm looks for from another place after a failed grasp."""
     if config.robot.look_m is None:
         return []
@@ -32,10 +32,10 @@ def list_facts(config: AssemblyConfig) -> Facts:
     """Return the facts of the task with their exclusive groups."""
     places = [HOME]
     for part in config.parts:
-        places += [start_place(config, part), f"{part}.goal"]
+        places += [name_start(config, part), f"{part}.goal"]
     places += [f"{tool}.holder" for tool in config.tools]
     places += list(config.screws)
-    places += [f"{part}.missed" for part in missed_parts(config)]
+    places += [f"{part}.missed" for part in list_missed_parts(config)]
     parts = [f"{fact}({part})" for part in config.parts for fact in ("at_start", "held", "placed")]
     screws = [f"fastened({screw})" for screw in config.screws]
     tools = [f"tool({tool})" for tool in config.tools]

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from skillplan.domains.domain import Domain
-from skillplan.domains.sop.problem import SopConfig, issues, sop_task
+from skillplan.domains.sop.problem import SopConfig, build_task, find_issues
 from skillplan.domains.sop.tsplib_file import read_tsplib
 from skillplan.errors import Issue
 from skillplan.files.yaml import Document
@@ -27,11 +27,11 @@ class SopDomain(Domain):
 
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return faults of the matrix's shape and of its order."""
-        return issues(config)
+        return find_issues(config)
 
     def ground(self, config: Any, sha256: str) -> list[Task]:
         """Return the one task of a matrix."""
-        return [sop_task(config, sha256)]
+        return [build_task(config, sha256)]
 
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the matrix, the source of all facts."""

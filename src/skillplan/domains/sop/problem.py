@@ -27,7 +27,7 @@ MOST_COST = 2**40
 _NAME = r"^[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}$"
 
 
-def _named(name: str) -> str:
+def _check_name(name: str) -> str:
     if re.fullmatch(_NAME, name) is None:
         raise ValueError(
             f"{shown(name)} is not a name. Use letters, digits and '_.+-', at most 64."
@@ -42,7 +42,7 @@ class SopConfig(Strict):
     """A sequential ordering problem, as TSPLIB defines it."""
 
     kind: Literal["sop"] = Field(description="the kind of task file")
-    name: Annotated[str, AfterValidator(_named)] = Field(
+    name: Annotated[str, AfterValidator(_check_name)] = Field(
         description="the task's name", json_schema_extra={"pattern": _NAME}
     )
     description: str = Field("", description="for people")
@@ -87,7 +87,7 @@ class NodeOrder:
         """Return a topological order by counting predecessors down (Kahn's algorithm)."""
         after: list[list[int]] = [[] for _ in self.direct]
         for node, before in enumerate(self.direct):
-            for other in nodes_of(before):
+            for other in list_nodes(before):
                 after[other].append(node)
         waiting = [before.bit_count() for before in self.direct]
         free = [node for node, count in enumerate(waiting) if not count]
@@ -144,7 +144,7 @@ class NodeOrder:
         return before, immediate
 
 
-def nodes_of(members: int) -> list[int]:
+def list_nodes(members: int) -> list[int]:
     """Return the nodes of a set in ascending order."""
     return [node for node, digit in enumerate(bin(members)[:1:-1]) if digit == "1"]
 
@@ -153,18 +153,20 @@ def nodes_of(members: int) -> list[int]:
 _MOST_NAMED = 8
 
 
-def issues(config: SopConfig) -> Iterator[Issue]:
+def find_issues(config: SopConfig) -> Iterator[Issue]:
     """Yield the faults of a matrix with their paths."""
     n = len(config.costs)
     ragged = [i for i, row in enumerate(config.costs) if len(row) != n]
     for i in ragged:
-        message = f"row {i} has {_counted(len(config.costs[i]))}; in a matrix of {n} rows it has "
+        message = (
+            f"row {i} has {_format_count(len(config.costs[i]))}; in a matrix of {n} rows it has "
+        )
         yield Issue(f"{message}{n}.", ("costs", i))
     if not ragged:
-        yield from _order_faults(config)
+        yield from _find_order_faults(config)
 
 
-def _order_faults(config: SopConfig) -> Iterator[Issue]:
+def _find_order_faults(config: SopConfig) -> Iterator[Issue]:
     costs, last = config.costs, len(config.costs) - 1
     faultless = True
     for j in (j for j in range(1, last + 1) if costs[0][j] == BEFORE):
@@ -182,7 +184,7 @@ def _order_faults(config: SopConfig) -> Iterator[Issue]:
         first, *others = order.cycle
         after = others[0] if others else first
         message = (
-            f"the order has a cycle: node {_path((*order.cycle, first))}. "
+            f"the order has a cycle: node {_format_path((*order.cycle, first))}. "
             f"Write a cost for one of these {BEFORE}."
         )
         yield Issue(message, ("costs", after, first))
@@ -191,25 +193,25 @@ def _order_faults(config: SopConfig) -> Iterator[Issue]:
     if early:
         message = (
             f"node {last}, the last, must come after all others, but need not come after "
-            f"{_some(early)}. Write {BEFORE} there in its row."
+            f"{_format_nodes(early)}. Write {BEFORE} there in its row."
         )
         yield Issue(message, ("costs", last, early[0]))
 
 
-def _path(nodes: Iterable[int]) -> str:
+def _format_path(nodes: Iterable[int]) -> str:
     texts = [str(node) for node in nodes]
     if len(texts) > 2 * _MOST_NAMED:
         texts = [*texts[:_MOST_NAMED], "...", *texts[-_MOST_NAMED:]]
     return " before ".join(texts)
 
 
-def _some(nodes: list[int]) -> str:
+def _format_nodes(nodes: list[int]) -> str:
     shown = ", ".join(str(node) for node in nodes[:_MOST_NAMED])
     rest = f" and {len(nodes) - _MOST_NAMED} more" if len(nodes) > _MOST_NAMED else ""
     return f"node{'s' if len(nodes) > 1 else ''} {shown}{rest}"
 
 
-def _counted(entries: int) -> str:
+def _format_count(entries: int) -> str:
     return f"{entries} {'entry' if entries == 1 else 'entries'}"
 
 
@@ -217,7 +219,7 @@ WEIGHT = Metric("weight", "", decimals=0)
 """Weights of TSPLIB files have no unit."""
 
 
-def sop_task(config: SopConfig, sha256: str) -> Task:
+def build_task(config: SopConfig, sha256: str) -> Task:
     """Return the task of a matrix without faults (Escudero 1988).
 
     A plan is the cheapest path through all nodes that respects the order. Node 0 is the start.
@@ -240,11 +242,11 @@ def sop_task(config: SopConfig, sha256: str) -> Task:
     order = NodeOrder(config.costs)
     nothing = ConstantCost(0.0)
     skills = []
-    for node, column in enumerate(_costs_to(config, order)):
+    for node, column in enumerate(_compute_costs(config, order)):
         if node == 0:
             continue
         own = facts.state(visited[node])
-        needed = facts.state(sum(visited[other] for other in nodes_of(order.immediate[node])))
+        needed = facts.state(sum(visited[other] for other in list_nodes(order.immediate[node])))
         there = facts.state(visited[node] | at[node])
         skills.append(
             Skill(
@@ -273,7 +275,7 @@ def sop_task(config: SopConfig, sha256: str) -> Task:
     )
 
 
-def _costs_to(config: SopConfig, order: NodeOrder) -> list[list[int]]:
+def _compute_costs(config: SopConfig, order: NodeOrder) -> list[list[int]]:
     """Return the costs to each node from every other node, `NEVER` if the order excludes the arc.
 
     An arc is excluded from successors, and from predecessors with a node in between.
@@ -282,8 +284,8 @@ def _costs_to(config: SopConfig, order: NodeOrder) -> list[list[int]]:
     for node, before in enumerate(order.before):
         columns[node][node] = NEVER
         # Entries of the rows are in the columns already, where -1 means the same.
-        for other in nodes_of(before & ~order.direct[node]):
+        for other in list_nodes(before & ~order.direct[node]):
             columns[other][node] = NEVER
-        for other in nodes_of(before & ~order.immediate[node]):
+        for other in list_nodes(before & ~order.immediate[node]):
             columns[node][other] = NEVER
     return columns

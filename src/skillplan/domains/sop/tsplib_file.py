@@ -53,7 +53,7 @@ class MatrixText:
         faults = []
         if after is not None:
             message = f"nothing may follow EOF, but {shown(after[0])} does. Remove it."
-            faults.append(fault_at(self.text, after.start(), message))
+            faults.append(build_issue(self.text, after.start(), message))
         numbers, unread = self._numbers()
         faults += unread
         if unread:
@@ -63,7 +63,7 @@ class MatrixText:
             faults.append(self._count_fault(numbers, dimension))
         elif n > MOST_NODES:
             message = f"the matrix is {n} x {n}; at most {MOST_NODES} nodes can be ordered."
-            faults.append(fault_at(self.text, self._offset(0), message))
+            faults.append(build_issue(self.text, self._offset(0), message))
         if faults:
             return [], faults
         self._skipped = skipped
@@ -77,7 +77,7 @@ class MatrixText:
 
     def position(self, index: int) -> Position:
         """Return line and column, from 1, of an entry of the matrix, counted row by row."""
-        return position_at(self.text, self._offset(self._skipped + index))
+        return find_position(self.text, self._offset(self._skipped + index))
 
     @cached_property
     def _offsets(self) -> array[int]:
@@ -109,7 +109,7 @@ class MatrixText:
             if _WHOLE.fullmatch(word) and len(word) <= _MOST_DIGITS:
                 numbers.append(int(word))
             else:
-                faults.append(fault_at(self.text, token.start(), _token_fault(word)))
+                faults.append(build_issue(self.text, token.start(), _describe_token(word)))
             if len(faults) == _MOST_LISTED:
                 break
         return numbers, faults
@@ -145,7 +145,7 @@ class MatrixText:
         alone = counts[:1] == [1] and len(counts) > 1 and numbers[0] > 1
         if alone and dimension not in (None, numbers[0]):
             message = f"this says {numbers[0]} nodes, but DIMENSION says {dimension}."
-            return fault_at(self.text, self._offset(0), f"{message} Make them agree.")
+            return build_issue(self.text, self._offset(0), f"{message} Make them agree.")
         n = dimension
         if n is None and (alone or numbers[0] ** 2 == count):
             n = numbers[0]
@@ -154,7 +154,7 @@ class MatrixText:
             counts = counts[1:]
         count -= led
         if not count:
-            return fault_at(self.text, self._close, f"the {n} x {n} numbers are missing.")
+            return build_issue(self.text, self._close, f"the {n} x {n} numbers are missing.")
         usual, often = Counter(counts).most_common(1)[0]
         width = usual if n is None else n
         odd = next((i for i, number in enumerate(counts) if number != width), None)
@@ -164,28 +164,28 @@ class MatrixText:
             message = f"there are {count} numbers instead of {n * n}, {n} x {n}."
         if width == usual and 2 * often >= len(counts) > 1 and odd is not None:
             message += f" This line has {counts[odd]} where {width} are needed."
-            return fault_at(self.text, self._offset(sum(counts[:odd]) + alone), message)
+            return build_issue(self.text, self._offset(sum(counts[:odd]) + alone), message)
         if n is None:
             if often == len(counts) > 1:
                 message += f" There are {often} lines of {usual}."
-            return fault_at(self.text, self._offset(0), message)
+            return build_issue(self.text, self._offset(0), message)
         if count < n * n:
-            return fault_at(self.text, self._close, f"{message} The rest is missing.")
+            return build_issue(self.text, self._close, f"{message} The rest is missing.")
         surplus = self._offset(n * n + led)
-        return fault_at(self.text, surplus, f"{message} Here is the first too many.")
+        return build_issue(self.text, surplus, f"{message} Here is the first too many.")
 
 
-def fault_at(text: str, offset: int, message: str) -> Issue:
+def build_issue(text: str, offset: int, message: str) -> Issue:
     """Return an issue at an offset of a text."""
-    return Issue(message, (), *position_at(text, offset))
+    return Issue(message, (), *find_position(text, offset))
 
 
-def position_at(text: str, offset: int) -> Position:
+def find_position(text: str, offset: int) -> Position:
     """Return line and column of an offset, both from 1."""
     return text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
 
 
-def _token_fault(word: str) -> str:
+def _describe_token(word: str) -> str:
     if _WHOLE.fullmatch(word):
         digits = len(word.lstrip("+-"))
         return f"a number of {digits} digits is too large; {MOST_COST:,} is the most."
@@ -251,7 +251,7 @@ def read_tsplib(text: str, source: str) -> Document:
     odd = _UNPRINTABLE.search(text)
     if odd is not None:
         message = f"character U+{ord(odd[0]):04X} is not allowed in a .sop file. Remove it."
-        raise TaskError(source, [fault_at(text, odd.start(), message)])
+        raise TaskError(source, [build_issue(text, odd.start(), message)])
     if not text.strip():
         message = f"is empty. Give a TSPLIB header and {SECTION}, or a square matrix."
         raise TaskError(source, [Issue(message, (), 1, 1)])
@@ -263,12 +263,16 @@ def read_tsplib(text: str, source: str) -> Document:
         rows, faults = matrix.rows(header.dimension)
     if faults:
         raise TaskError(source, faults)
-    data = {"kind": "sop", "name": _name(header.values.get("NAME", ""), source), "costs": rows}
+    data = {
+        "kind": "sop",
+        "name": _choose_name(header.values.get("NAME", ""), source),
+        "costs": rows,
+    }
     if header.comments:
         data["description"] = " ".join(header.comments)
-    values: dict[Path_, Position] = {(): (1, 1), ("costs",): position_at(text, matrix.first)}
+    values: dict[Path_, Position] = {(): (1, 1), ("costs",): find_position(text, matrix.first)}
     if "NAME" in header.places:
-        values["name",] = position_at(text, header.places["NAME"])
+        values["name",] = find_position(text, header.places["NAME"])
     return TsplibDocument(source, data, values, {}, matrix=matrix)
 
 
@@ -288,7 +292,7 @@ class _Header:
 
     def fault(self, place: int, message: str) -> bool:
         """Add a fault at an offset and return False, which ends the reading."""
-        self.issues.append(fault_at(self.text, place, message))
+        self.issues.append(build_issue(self.text, place, message))
         return False
 
     def _read(self) -> bool:
@@ -322,7 +326,7 @@ class _Header:
             if key not in _KEYWORDS and nearest(key, _WORDS) == SECTION:
                 return True
         # A keyword cut off at the end of the file is not an unknown keyword.
-        last = fault_at(self.text, max(len(self.text.rstrip()) - 1, 0), "")
+        last = build_issue(self.text, max(len(self.text.rstrip()) - 1, 0), "")
         self.issues = [issue for issue in self.issues if issue.line != last.line]
         message = f"the file ends before {SECTION}. Write it, and the matrix."
         self.issues.append(Issue(message, (), last.line, last.column))
@@ -362,7 +366,7 @@ class _Header:
             self.fault(self.places["DIMENSION"], f"DIMENSION {message}")
 
 
-def _name(written: str, source: str) -> str:
+def _choose_name(written: str, source: str) -> str:
     """Return the name in the file, or else that of the file; odd characters become '_'."""
     for text in (written, Path(source).name):
         stem = text[: -len(".sop")] if text.lower().endswith(".sop") else text

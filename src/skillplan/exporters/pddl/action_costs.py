@@ -16,8 +16,8 @@ from skillplan.exporters.pddl.conditions import (
     Cover,
     FeasibleRegion,
     Region,
-    named_bits,
-    simplified,
+    collect_named_bits,
+    simplify,
 )
 from skillplan.model.fact_analysis import CostBasis
 from skillplan.model.skill_model import SkillModel
@@ -98,11 +98,11 @@ class Variants:
         """
         basis = self._cost_bits(case.skill)
         region = (case.requires.bits, case.forbids.bits)
-        where = self._places(region, basis | named_bits(cover))
+        where = self._places(region, basis | collect_named_bits(cover))
         groups = [group for group in self._states.groups(basis) if group != where]
         variants: list[Variant] = []
         for way in cover.feasible:
-            for feasible in simplified(self._states, case, cover, way, where):
+            for feasible in simplify(self._states, case, cover, way, where):
                 for part in self._split(case, feasible, groups, where):
                     variant = self._priced(case, part, where, matters=bool(basis & where))
                     variants += [] if variant is None else [variant]
@@ -110,7 +110,7 @@ class Variants:
                         raise NoActionCosts(
                             f"{case.skill.name} comes to more than {_MOST_ACTIONS:,} actions"
                         )
-        return _numbered(variants)
+        return _number_labels(variants)
 
     def _cost_bits(self, skill: Skill) -> int:
         """Return the bits of the facts that affect a skill's cost."""
@@ -217,7 +217,7 @@ class _Part:
     places: int
 
 
-def _numbered(variants: Sequence[Variant]) -> list[Variant]:
+def _number_labels(variants: Sequence[Variant]) -> list[Variant]:
     """Return actions of one skill with distinct labels."""
     count: dict[str, int] = {}
     for variant in variants:
@@ -231,7 +231,7 @@ def _numbered(variants: Sequence[Variant]) -> list[Variant]:
     return numbered
 
 
-def scale_of(
+def choose_scale(
     costs: Sequence[float], unit: str, skills: int, *, accept_rounding: bool = False
 ) -> Scale:
     """Return the scale of costs: whole numbers stay, other costs become millionths.

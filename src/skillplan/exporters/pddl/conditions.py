@@ -35,7 +35,7 @@ class ConsistentStates:
     def __init__(self, task: Task) -> None:
         self.task = task
         masks = [task.facts.of(*group).bits for group in task.facts.exclusive]
-        self._groups = [(mask, _keeps_one(task, mask)) for mask in masks]
+        self._groups = [(mask, _is_always_exact(task, mask)) for mask in masks]
         self._groups_of: dict[int, list[int]] = {}
         for number, mask in enumerate(masks):
             for bit in iterate_bits(mask):
@@ -130,7 +130,7 @@ class ConsistentStates:
         return None if true & false else (true, false)
 
 
-def _keeps_one(task: Task, mask: int) -> bool:
+def _is_always_exact(task: Task, mask: int) -> bool:
     """Return True if exactly one fact of a group holds initially and after every skill."""
     if (task.initial.bits & mask).bit_count() != 1:
         return False
@@ -142,12 +142,12 @@ def _keeps_one(task: Task, mask: int) -> bool:
             for case in skill.cases
             for outcome in case.outcomes
         ]
-        if not all(_leaves_one(mask, *case) for case in cases):
+        if not all(_is_kept_exact(mask, *case) for case in cases):
             return False
     return True
 
 
-def _leaves_one(mask: int, requires: int, forbids: int, outcome: Outcome) -> bool:
+def _is_kept_exact(mask: int, requires: int, forbids: int, outcome: Outcome) -> bool:
     """Return True if an outcome keeps exactly one fact of a group."""
     known_false = forbids | (mask & ~requires if mask & requires else 0)
     may_hold = mask & ~known_false
@@ -219,7 +219,7 @@ class FeasibleRegion:
         )
 
 
-def cases_of(skill: Skill) -> Iterator[Case]:
+def list_cases(skill: Skill) -> Iterator[Case]:
     """Yield the cases of a skill; the skill itself if it has none."""
     condition = skill.precondition
     if not skill.cases:
@@ -229,7 +229,7 @@ def cases_of(skill: Skill) -> Iterator[Case]:
         yield Case(skill, str(*case.fact), requires, forbids, case.outcomes[0])
 
 
-def covers_of(
+def find_covers(
     model: SkillModel, states: ConsistentStates, cases: Sequence[Case]
 ) -> dict[tuple[str, str], Cover]:
     """Query back ends and return the cover of every case by skill and label.
@@ -270,7 +270,7 @@ def _explore(model: SkillModel, states: ConsistentStates, case: Case) -> CheckSt
             cover.infeasible += [(true, false), *todo]
             break
         verdict = yield case.skill, state
-        rests = _facts_of(verdict, facts.all_bits)
+        rests = _get_facts(verdict, facts.all_bits)
         if rests != facts.all_bits:
             seen |= rests
         elif verdict.status is VerdictStatus.UNKNOWN:
@@ -292,13 +292,13 @@ def _explore(model: SkillModel, states: ConsistentStates, case: Case) -> CheckSt
     return cover
 
 
-def _facts_of(verdict: Verdict, all_bits: int) -> int:
+def _get_facts(verdict: Verdict, all_bits: int) -> int:
     if verdict.present is None or verdict.absent is None:
         return all_bits
     return verdict.present.bits | verdict.absent.bits
 
 
-def simplified(
+def simplify(
     states: ConsistentStates, case: Case, cover: Cover, way: str, where: int
 ) -> list[FeasibleRegion]:
     """Return few wide regions that contain exactly the feasible states of a variant.
@@ -374,7 +374,7 @@ class _Widening:
         return held or self._where & ~closed[1]
 
 
-def named_bits(cover: Cover) -> int:
+def collect_named_bits(cover: Cover) -> int:
     """Return the bits of all facts that the verdicts on a case depend on."""
     regions = [region for parts in cover.feasible.values() for region in parts]
     return reduce(or_, (true | false for true, false in (*regions, *cover.infeasible)), 0)

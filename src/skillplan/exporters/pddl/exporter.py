@@ -13,12 +13,24 @@ from skillplan.exporters.exporter import (
     Exporter,
     Handover,
     Identifiers,
-    argument,
-    quoted,
-    refused_chance,
+    get_argument,
+    quote,
+    refuse_chance,
 )
-from skillplan.exporters.pddl.action_costs import NoActionCosts, Scale, Variant, Variants, scale_of
-from skillplan.exporters.pddl.conditions import Case, ConsistentStates, Cover, cases_of, covers_of
+from skillplan.exporters.pddl.action_costs import (
+    NoActionCosts,
+    Scale,
+    Variant,
+    Variants,
+    choose_scale,
+)
+from skillplan.exporters.pddl.conditions import (
+    Case,
+    ConsistentStates,
+    Cover,
+    find_covers,
+    list_cases,
+)
 from skillplan.model.skill_model import SkillModel
 from skillplan.task import back_end
 from skillplan.task.state import Condition, State
@@ -43,10 +55,10 @@ class Vocabulary:
         arguments: dict[str, list[str]] = {}
         for fact in task.facts.names:
             arguments.setdefault(self.predicate(fact), [])
-            if argument(fact):
-                arguments[self.predicate(fact)].append(argument(fact))
+            if get_argument(fact):
+                arguments[self.predicate(fact)].append(get_argument(fact))
         self._type_of = {
-            predicate: _type(task, predicate, values)
+            predicate: _find_type(task, predicate, values)
             for predicate, values in arguments.items()
             if values
         }
@@ -55,14 +67,14 @@ class Vocabulary:
         self.predicates = Identifiers(arguments, taken)
         self.taken = taken | {self.predicates[name] for name in self.predicates}
         keys = {
-            self._object(fact): None for fact in task.facts.names if argument(fact)
+            self._object(fact): None for fact in task.facts.names if get_argument(fact)
         }  # an ordered set
         self.objects = Identifiers(keys, self.taken)
 
     @staticmethod
     def predicate(fact: str) -> str:
         """Return the name of a fact's predicate; with and without argument they differ."""
-        return f"{fact.partition('(')[0]}()" if argument(fact) else fact
+        return f"{fact.partition('(')[0]}()" if get_argument(fact) else fact
 
     def type_of(self, predicate: str) -> str | None:
         """Return the identifier of the type of a predicate's argument, or None."""
@@ -72,7 +84,7 @@ class Vocabulary:
     def atom(self, fact: str) -> str:
         """Return a fact as an atom, such as ``(placed part_pcb)``."""
         name = self.predicates[self.predicate(fact)]
-        return f"({name} {self.object(fact)})" if argument(fact) else f"({name})"
+        return f"({name} {self.object(fact)})" if get_argument(fact) else f"({name})"
 
     def object(self, fact: str) -> str:
         """Return the identifier of a fact's object."""
@@ -86,10 +98,10 @@ class Vocabulary:
         return objects
 
     def _object(self, fact: str) -> str:
-        return f"{self._type_of[self.predicate(fact)]}/{argument(fact)}"
+        return f"{self._type_of[self.predicate(fact)]}/{get_argument(fact)}"
 
 
-def _type(task: Task, predicate: str, arguments: Iterable[str]) -> str:
+def _find_type(task: Task, predicate: str, arguments: Iterable[str]) -> str:
     """Return the type of a predicate's arguments: a parameter of skills, or places."""
     facts = {fact for fact in task.facts.names if Vocabulary.predicate(fact) == predicate}
     stands = {fact for robot in task.scene.robots for fact in robot.places} | set(task.places)
@@ -133,7 +145,7 @@ class PlanningTask:
         self.model: SkillModel = handover.model
         self.task: Task = handover.task
         self.vocabulary = Vocabulary(self.task)
-        self._skills = _skill_identifiers(self.task, self.vocabulary)
+        self._skills = _name_skills(self.task, self.vocabulary)
 
     @cached_property
     def origin(self) -> str:
@@ -183,11 +195,11 @@ class PlanningTask:
 
     @cached_property
     def _cases(self) -> tuple[Case, ...]:
-        return tuple(case for skill in self.task.skills for case in cases_of(skill))
+        return tuple(case for skill in self.task.skills for case in list_cases(skill))
 
     @cached_property
     def _covers(self) -> dict[tuple[str, str], Cover]:
-        return covers_of(self.model, self._states, self._cases)
+        return find_covers(self.model, self._states, self._cases)
 
     @cached_property
     def actions(self) -> dict[str, str]:
@@ -213,7 +225,7 @@ class PlanningTask:
         ]
         limit = self.task.step_limit
         accepted = self.accept_rounding
-        return scale_of(costs, self.task.metric.unit, limit, accept_rounding=accepted)
+        return choose_scale(costs, self.task.metric.unit, limit, accept_rounding=accepted)
 
     def domain(self) -> str:
         """Return the domain."""
@@ -285,7 +297,7 @@ class PlanningTask:
                     or any(fact in planned.before for fact in candidate.origins)
                 )
             )
-            words = [self.actions[_name(variant)]]
+            words = [self.actions[_build_key(variant)]]
             cost = variant.constant
             for fact, known_cost in variant.origins.items():
                 if fact in planned.before:
@@ -302,12 +314,12 @@ class PlanningTask:
 
     def _head(self) -> Iterator[str]:
         task, scale = self.task, self.scale
-        yield f"; {quoted(task.name)}, written by skillplan."
-        yield f"; Order of operations: {quoted(self.origin)[1:-1]}."
+        yield f"; {quote(task.name)}, written by skillplan."
+        yield f"; Order of operations: {quote(self.origin)[1:-1]}."
         if self.left_out:
-            yield f"; Never done where no verdict is known: {quoted(self.left_out)[1:-1]}."
+            yield f"; Never done where no verdict is known: {quote(self.left_out)[1:-1]}."
         for skill, why in self.impossible.items():
-            yield f"; No action for {quoted(skill)}, which is never feasible: {quoted(why)[1:-1]}."
+            yield f"; No action for {quote(skill)}, which is never feasible: {quote(why)[1:-1]}."
         if scale.exact:
             yield f"; Costs are whole numbers [{scale.unit}], not rounded."
         else:
@@ -319,7 +331,7 @@ class PlanningTask:
         if not self.count_steps:
             yield f"; Not said here: no plan of the task has more than {task.step_limit} skills."
         yield "; Names:"
-        yield from (f";   {own} = {quoted(name)}" for name, own in self.actions.items())
+        yield from (f";   {own} = {quote(name)}" for name, own in self.actions.items())
         for names in (self.vocabulary.predicates, self.vocabulary.objects):
             yield from (f";   {line}" for line in names.lines())
 
@@ -339,7 +351,7 @@ class PlanningTask:
             literals += ["(steps-done ?now)", "(step-after ?now ?next)"]
             effects += ["(not (steps-done ?now))", "(steps-done ?next)"]
             parameters.append(f"?now ?next - {_STEP}")
-        yield f"  (:action {self.actions[_name(variant)]}"
+        yield f"  (:action {self.actions[_build_key(variant)]}"
         yield f"    :parameters ({' '.join(parameters)})"
         yield f"    :precondition (and {' '.join(literals)})"
         yield f"    :effect (and {' '.join(effects)}))"
@@ -378,10 +390,10 @@ class PlanningTask:
         return self.vocabulary.predicate(next(iter(variant.origins)))
 
     def _cost_of(self, variant: Variant) -> str:
-        return f"cost-{self.actions[_name(variant)]}"
+        return f"cost-{self.actions[_build_key(variant)]}"
 
     def _guard(self, variant: Variant) -> str:
-        return f"from-{self.actions[_name(variant)]}"
+        return f"from-{self.actions[_build_key(variant)]}"
 
     def _guards(self) -> Iterator[tuple[str, str]]:
         for variant in self.variants:
@@ -400,18 +412,18 @@ class ActionNames:
     """Reads the actions of plans without querying back ends."""
 
     def __init__(self, task: Task) -> None:
-        self._skills = _skill_identifiers(task, Vocabulary(task))
+        self._skills = _name_skills(task, Vocabulary(task))
 
     def skill_of(self, action: str) -> str | None:
         """Return the name of an action's skill; None for an unknown action."""
         return self._skills.name_of(action.partition(_JOINT)[0])
 
 
-def _skill_identifiers(task: Task, vocabulary: Vocabulary) -> Identifiers:
+def _name_skills(task: Task, vocabulary: Vocabulary) -> Identifiers:
     return Identifiers((skill.name for skill in task.skills), vocabulary.taken)
 
 
-def _name(variant: Variant) -> str:
+def _build_key(variant: Variant) -> str:
     return f"{variant.skill.name} {variant.label}".strip()
 
 
@@ -443,7 +455,7 @@ class PddlExporter(Exporter):
 
     def refuses(self, handover: Handover) -> str | None:
         """Refuse chance, and costs that PDDL cannot represent or rounding hides."""
-        refusal = refused_chance(handover)
+        refusal = refuse_chance(handover)
         if refusal:
             return refusal
         try:

@@ -14,7 +14,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.search.landmark_bound import LandmarkBound, from_units, to_units
+from skillplan.solvers.search.landmark_bound import (
+    LandmarkBound,
+    convert_from_units,
+    convert_to_units,
+)
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -89,12 +93,12 @@ class AdaptiveSearch:
         if self._model.is_goal(state):
             return 0.0
         step = self._step(state)
-        return None if step is None else from_units(step.to_go)
+        return None if step is None else convert_from_units(step.to_go)
 
     def bound(self, state: State) -> float:
         """Return a lower bound on the cost to the goal without a search; inf for a dead end."""
         units = 0 if self._model.is_goal(state) else self._bound(state)
-        return math.inf if units < 0 else from_units(units)
+        return math.inf if units < 0 else convert_from_units(units)
 
     def _step(self, state: State) -> Step | None:
         if state.bits not in self._steps:
@@ -116,7 +120,7 @@ class AdaptiveSearch:
         bounds = self._looked_ahead.get(state.bits)
         if bounds is None:
             assert self._ahead is not None
-            bounds = self._looked_ahead[state.bits] = to_units(self._ahead(state))
+            bounds = self._looked_ahead[state.bits] = convert_to_units(self._ahead(state))
         return bounds
 
     def _search(self, start: State) -> None:
@@ -139,14 +143,14 @@ class AdaptiveSearch:
                 self._keep(start, state, total, came, learnt)
                 return
             if labels > self._max_labels or (self.expanded % 64 == 0 and self._stop()):
-                self.floor = from_units(total) if self._weight == 1.0 else 0.0
+                self.floor = convert_from_units(total) if self._weight == 1.0 else 0.0
                 return
             closed[state.bits] = cost
             self.expanded += 1
             for skill in self._model.applicable(state):
                 sure = self._skills[skill.name]
                 following = sure.prediction_in(state).apply(state)
-                step = to_units(sure.cost.at(state))
+                step = convert_to_units(sure.cost.at(state))
                 reached = cost + step
                 if reached >= spent.get(following.bits, reached + 1):
                     continue

@@ -90,7 +90,7 @@ class JobSets:
         self.needs = [0] * count
         for before, after in self.problem.precedence:
             self.needs[after] |= 1 << before
-        self.layers = feasible_sets(self.needs, _afforded(most_sets, count, stop), stop)
+        self.layers = list_feasible_sets(self.needs, _limit_sets(most_sets, count, stop), stop)
         if not self.layers:
             raise structure.no(f"more than {most_sets:,} sets of jobs may be done")
         self.sets = sum(len(layer) for layer in self.layers)
@@ -116,7 +116,7 @@ class JobSets:
         return done, started, position
 
 
-def _afforded(most_sets: int, count: int, stop: Stop) -> int:
+def _limit_sets(most_sets: int, count: int, stop: Stop) -> int:
     """Return the number of sets whose table fits memory, at most `most_sets`."""
     left = stop.memory_left_bytes()
     if left is None or not count:
@@ -125,7 +125,7 @@ def _afforded(most_sets: int, count: int, stop: Stop) -> int:
     return min(most_sets, left // (2 * _COST_BYTES * (count + 1)))
 
 
-def feasible_sets(needs: Sequence[int], most: int, stop: Stop) -> list[Sets]:
+def list_feasible_sets(needs: Sequence[int], most: int, stop: Stop) -> list[Sets]:
     """Return the sets that contain all predecessors of their jobs, by size, in ascending order.
 
     Parameters
@@ -139,7 +139,9 @@ def feasible_sets(needs: Sequence[int], most: int, stop: Stop) -> list[Sets]:
     total = 1
     for _ in needs:
         here = layers[-1]
-        following = [here[open_in(here, job, set_)] | bit_of(job) for job, set_ in enumerate(needs)]
+        following = [
+            here[find_open(here, job, set_)] | make_bit(job) for job, set_ in enumerate(needs)
+        ]
         layers.append(np.unique(np.concatenate(following)))
         total += len(layers[-1])
         if total > most or stop():
@@ -147,14 +149,14 @@ def feasible_sets(needs: Sequence[int], most: int, stop: Stop) -> list[Sets]:
     return layers
 
 
-def open_in(sets: Sets, job: int, needs: int) -> NDArray[np.bool_]:
+def find_open(sets: Sets, job: int, needs: int) -> NDArray[np.bool_]:
     """Return the sets in which a job is open and its predecessors are done."""
     needed = np.uint64(needs)
-    is_open: NDArray[np.bool_] = ((sets & bit_of(job)) == 0) & ((sets & needed) == needed)
+    is_open: NDArray[np.bool_] = ((sets & make_bit(job)) == 0) & ((sets & needed) == needed)
     return is_open
 
 
-def bit_of(job: int) -> np.uint64:
+def make_bit(job: int) -> np.uint64:
     """Return the set of one job."""
     return np.uint64(1 << job)
 
@@ -177,7 +179,7 @@ class OrdersAhead:
     def __init__(self, model: CertainModel, most_sets: int, stop: Stop) -> None:
         self._states = states = JobSets(model, most_sets, stop)
         self._from: dict[int, list[float]] = {}
-        self._to_go = costs_to_go(states.layers, states.needs, states.problem.costs, stop)
+        self._to_go = compute_costs_to_go(states.layers, states.needs, states.problem.costs, stop)
         if not self._to_go:
             raise states.no("there was no time to work out what is ahead")
         self.sets = states.sets
@@ -220,7 +222,7 @@ class OrdersAhead:
         return float(self._to_go[done.bit_count()][place, job])
 
 
-def orders_ahead(
+def find_orders_ahead(
     model: SkillModel, certain: Task, most_sets: int, stop: Stop
 ) -> OrdersAhead | None:
     """Return the costs to go of a task without failures, or None."""
@@ -232,7 +234,7 @@ def orders_ahead(
         return None
 
 
-def costs_to_go(
+def compute_costs_to_go(
     layers: Sequence[Sets], needs: Sequence[int], costs: Costs, stop: Stop
 ) -> list[Costs]:
     """Return the least cost of the remaining jobs, by set and last job.
@@ -255,8 +257,8 @@ def costs_to_go(
         here, above = layers[size], layers[size + 1]
         full = np.full((count, len(here)), np.inf)
         for job, set_ in enumerate(needs):
-            open_here = np.flatnonzero(open_in(here, job, set_))
-            place = np.searchsorted(above, here[open_here] | bit_of(job))
+            open_here = np.flatnonzero(find_open(here, job, set_))
+            place = np.searchsorted(above, here[open_here] | make_bit(job))
             onward = tables[-1][place, job]
             for last in range(count):
                 if costs[last, job] < np.inf:

@@ -20,8 +20,8 @@ from skillplan.errors import NotASequencing
 from skillplan.model.component_jobs import ComponentJobs, Job
 from skillplan.model.job_connections import JobConnections
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.chance.job_sets import CertainModel, JobSets, Sets, bit_of, open_in
-from skillplan.solvers.chance.retries import failures, retried, touched
+from skillplan.solvers.chance.job_sets import CertainModel, JobSets, Sets, find_open, make_bit
+from skillplan.solvers.chance.retries import assume_retries, collect_touched, list_failures
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
@@ -63,7 +63,7 @@ class Ways:
     lost: tuple[tuple[tuple[float, int], ...], ...]
 
 
-def tried_once(task: Task) -> Task:
+def relax_to_one_try(task: Task) -> Task:
     """Return a task with certain skills, in which the first skill of a job costs one try.
 
     A later skill that fails is tried again, and costs all its tries.
@@ -73,7 +73,7 @@ def tried_once(task: Task) -> Task:
     NotASequencing
         If the task does not order jobs, or a skill between jobs may fail.
     """
-    sure = retried(task)
+    sure = assume_retries(task)
     structure = ComponentJobs(sure)
     failing = {skill.name for skill in task.skills if not skill.deterministic}
     for skill in structure.connectors:
@@ -99,17 +99,17 @@ class JobValues(Mapping[State, Skill]):
     """
 
     def __init__(self, model: SkillModel, most_sets: int, stop: Stop) -> None:
-        certain = CertainModel(model, tried_once(model.task))
+        certain = CertainModel(model, relax_to_one_try(model.task))
         self._model = model
         self._states = states = JobSets(certain, most_sets, stop)
         self._skills = {skill.name: skill for skill in model.task.skills}
         self.sets = states.sets
-        if certain.questions & touched(model.task):
+        if certain.questions & collect_touched(model.task):
             raise states.no("verdicts rest on what a failure changes")
         self._paths: dict[int, list[tuple[str, ...]]] = {}
         self._situations = _Situations(states, self._skills)
         self._ways = self._situations.ways()
-        self._after = values_of_sets(states.layers, states.needs, self._ways, stop)
+        self._after = compute_set_values(states.layers, states.needs, self._ways, stop)
         if not self._after:
             raise states.no("its values were not worked out in time, or did not come to rest")
         self._onward: dict[int, Costs] = {}
@@ -160,14 +160,14 @@ class JobValues(Mapping[State, Skill]):
             above = done.bit_count() + 1
             if place == len(layer) or int(layer[place]) != done:
                 return np.full(len(states.jobs), np.inf)
-            onward = _onward(
+            onward = _add_success(
                 layer[place : place + 1],
                 states.layers[above],
                 self._after[above],
                 states.needs,
                 self._ways,
             )
-            after_a_try = _after_a_try(onward, self._ways)
+            after_a_try = _add_tries(onward, self._ways)
             if after_a_try is None:
                 raise states.no("its values did not come to rest")
             known = self._onward[done] = after_a_try[:, 0]
@@ -194,7 +194,7 @@ class _Situations:
         for index, job in enumerate(states.jobs):
             begin = self._connections.begun_in(states.chosen[index])
             lost.append([])
-            for failure in failures(self._skills[job.chain[0].name]):
+            for failure in list_failures(self._skills[job.chain[0].name]):
                 here = self._failed(job, failure, begin)
                 number = extra.setdefault(here, len(after) + len(extra))
                 lost[-1].append((failure.probability, number))
@@ -264,14 +264,14 @@ class _Situations:
                     continue
                 first = self._connections.begun_in(states.chosen[index])
                 same = abs(self._rest_from(job, stop) - self._rest[index]) <= _ROUNDING
-                for failure in failures(self._skills[job.chain[0].name]):
+                for failure in list_failures(self._skills[job.chain[0].name]):
                     origin, other = (self._failed(job, failure, each) for each in (first, stop))
                     same = same and origin == other
                 if not same:
                     raise states.no(f"what follows {job.chain[0].name} depends on where it begins")
 
 
-def job_values(model: SkillModel, most_sets: int, stop: Stop) -> JobValues | None:
+def find_job_values(model: SkillModel, most_sets: int, stop: Stop) -> JobValues | None:
     """Return the policy with the least expected cost, or None."""
     try:
         return JobValues(model, most_sets, stop)
@@ -279,7 +279,7 @@ def job_values(model: SkillModel, most_sets: int, stop: Stop) -> JobValues | Non
         return None
 
 
-def values_of_sets(
+def compute_set_values(
     layers: Sequence[Sets], needs: Sequence[int], ways: Ways, stop: Stop
 ) -> list[Costs]:
     """Return the least expected cost of the remaining jobs, by set and last job.
@@ -297,8 +297,8 @@ def values_of_sets(
     count = len(needs)
     tables: list[Costs] = [np.zeros((1, count))]
     for size in range(count - 1, 0, -1):
-        onward = _onward(layers[size], layers[size + 1], tables[-1], needs, ways)
-        after_a_try = _after_a_try(onward, ways)
+        onward = _add_success(layers[size], layers[size + 1], tables[-1], needs, ways)
+        after_a_try = _add_tries(onward, ways)
         if after_a_try is None:
             return []
         full = np.full((count, len(layers[size])), np.inf)
@@ -313,17 +313,17 @@ def values_of_sets(
     return tables[::-1] if count else [np.zeros((1, 0))]
 
 
-def _onward(here: Sets, above: Sets, values: Costs, needs: Sequence[int], ways: Ways) -> Costs:
+def _add_success(here: Sets, above: Sets, values: Costs, needs: Sequence[int], ways: Ways) -> Costs:
     """Return the costs to go after the first skill of each job has succeeded, shape (n, sets)."""
     onward = np.full((len(needs), len(here)), np.inf)
     for job, set_ in enumerate(needs):
-        open_here = np.flatnonzero(open_in(here, job, set_))
-        place = np.searchsorted(above, here[open_here] | bit_of(job))
+        open_here = np.flatnonzero(find_open(here, job, set_))
+        place = np.searchsorted(above, here[open_here] | make_bit(job))
         onward[job, open_here] = ways.rest[job] + values[place, job]
     return onward
 
 
-def _after_a_try(onward: Costs, ways: Ways) -> Costs | None:
+def _add_tries(onward: Costs, ways: Ways) -> Costs | None:
     """Return the costs to go after a try of each job's first skill, shape (n, sets).
 
     After a failure it is the value of the resulting situation. Values are approached from above,
@@ -347,7 +347,7 @@ def _after_a_try(onward: Costs, ways: Ways) -> Costs | None:
     for _ in range(_MOST_SWEEPS):
         change = 0.0
         for job in failing:
-            value = _tried_again(job, costs, succeeded[job], ways)
+            value = _add_retry(job, costs, succeeded[job], ways)
             finite = np.isfinite(value)
             if finite.any():
                 moved = np.abs(value[finite] - costs[job][finite]) / np.maximum(1.0, value[finite])
@@ -358,7 +358,7 @@ def _after_a_try(onward: Costs, ways: Ways) -> Costs | None:
     return None
 
 
-def _tried_again(job: int, costs: Costs, succeeded: Costs, ways: Ways) -> Costs:
+def _add_retry(job: int, costs: Costs, succeeded: Costs, ways: Ways) -> Costs:
     """Return the costs to go after a try of one job, shape (sets,).
 
     If the same job is the best one after a failure, its share returns to the same value and is

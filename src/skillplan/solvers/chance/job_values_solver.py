@@ -10,8 +10,8 @@ from pydantic import Field
 from skillplan.errors import NotASequencing
 from skillplan.model.policy_value import evaluate_policy
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.chance.reachable import asked_everywhere
-from skillplan.solvers.chance.retries import failures, touched, why_not_retried
+from skillplan.solvers.chance.reachable import query_everywhere
+from skillplan.solvers.chance.retries import collect_touched, list_failures, refuse_retries
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
@@ -51,32 +51,35 @@ class JobValuesSolver(Solver):
     def refuses(self, model: SkillModel) -> str | None:
         """Return the reason why the task does not order jobs that can be tried again, or None."""
         from skillplan.solvers.chance.job_sets import CertainModel, JobSets
-        from skillplan.solvers.chance.job_values import tried_once
+        from skillplan.solvers.chance.job_values import relax_to_one_try
 
         if model.asks_costs:
             return "costs that back ends tell are not known before a search; take value-iteration"
-        why = why_not_retried(model.task)
+        why = refuse_retries(model.task)
         if why is not None:
             return f"{why}: it cannot be tried again; take value-iteration"
         try:
-            certain = CertainModel(model, tried_once(model.task))
+            certain = CertainModel(model, relax_to_one_try(model.task))
             JobSets(certain, self.options.sets, self.stop)
         except NotASequencing as error:
-            if self.stop() or _obstacle(model) is not None:
+            if self.stop() or _find_obstacle(model) is not None:
                 return None
             return f"{str(error).rstrip('.')}; take replan"
-        if certain.questions & touched(model.task):
+        if certain.questions & collect_touched(model.task):
             return "verdicts rest on what a failure changes; take replan"
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Compute all values, and follow the policy through its reachable states."""
-        from skillplan.solvers.chance.job_values import job_values
+        from skillplan.solvers.chance.job_values import find_job_values
 
         begin_s = time.perf_counter()
-        values = job_values(model, self.options.sets, self.stop)
+        values = find_job_values(model, self.options.sets, self.stop)
         if values is None:
-            why = _obstacle(model) or "values were not worked out in time, or did not come to rest"
+            why = (
+                _find_obstacle(model)
+                or "values were not worked out in time, or did not come to rest"
+            )
             return Solution(trace={"reason": why})
         trace: dict[str, Any] = {
             "values_s": time.perf_counter() - begin_s,
@@ -85,7 +88,7 @@ class JobValuesSolver(Solver):
         }
         if values.cost == float("inf"):
             return Solution(trace={**trace, "reason": "there is no order of the jobs"})
-        trace["policy_complete"] = asked_everywhere(
+        trace["policy_complete"] = query_everywhere(
             model, values, self.options.policy_states, self.stop
         )
         trace["policy_states"] = len(values)
@@ -93,16 +96,18 @@ class JobValuesSolver(Solver):
         self.stop.bound(values.cost)
         # Values ignore the step limit, which applies to a plan only.
         short = not model.task.deterministic or len(values) <= model.step_limit
-        same = _costs_as_much(model, values, complete=bool(trace["policy_complete"]))
+        same = _has_least_cost(model, values, complete=bool(trace["policy_complete"]))
         return Solution(values, values.cost, proved=short and same, trace=trace)
 
 
-def _costs_as_much(model: SkillModel, values: JobValues, *, complete: bool) -> bool:
+def _has_least_cost(model: SkillModel, values: JobValues, *, complete: bool) -> bool:
     """Return True if the policy has the least cost, although rounding may hide it.
 
     Choices that differ by less than rounding differ by much once they are repeated.
     """
-    shares = [failure.probability for skill in model.task.skills for failure in failures(skill)]
+    shares = [
+        failure.probability for skill in model.task.skills for failure in list_failures(skill)
+    ]
     if max(shares, default=0.0) <= _CERTAIN_DIGITS:
         return True
     if not complete:
@@ -111,7 +116,7 @@ def _costs_as_much(model: SkillModel, values: JobValues, *, complete: bool) -> b
     return own is not None and abs(own - values.cost) <= _SAME_COST * max(1.0, values.cost)
 
 
-def _obstacle(model: SkillModel) -> str | None:
+def _find_obstacle(model: SkillModel) -> str | None:
     """Return the obstacle to every order of a task without chance, or None."""
     from skillplan.chart.precedence_chart import derive_chart
 

@@ -10,7 +10,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
 
-def asked_everywhere(
+def query_everywhere(
     model: SkillModel, policy: Mapping[State, Skill], most: int, stop: Stop
 ) -> bool:
     """Query a policy in its reachable states; return True if all were visited."""

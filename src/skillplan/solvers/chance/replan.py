@@ -20,8 +20,8 @@ from pydantic import Field
 from skillplan.model.policy_value import PolicySample, sample_policy
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
-from skillplan.solvers.chance.reachable import asked_everywhere
-from skillplan.solvers.chance.retries import relaxed, retried, touched, why_not_retried
+from skillplan.solvers.chance.reachable import query_everywhere
+from skillplan.solvers.chance.retries import assume_retries, collect_touched, refuse_retries, relax
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
@@ -161,7 +161,7 @@ class ReplanSolver(Solver):
         """Return the reason why skills cannot be tried again or costs are unknown, or None."""
         if model.asks_costs:
             return "costs that back ends tell are not known before a search; take value-iteration"
-        why = why_not_retried(model.task)
+        why = refuse_retries(model.task)
         return None if why is None else f"{why}: it cannot be tried again; take value-iteration"
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
@@ -169,7 +169,7 @@ class ReplanSolver(Solver):
         begin_s = time.perf_counter()
         bound, trace = self._bound(model)
         bound_s = time.perf_counter() - begin_s
-        options, certain = self.options, retried(model.task)
+        options, certain = self.options, assume_retries(model.task)
         ahead = self._ahead(model, certain)
         weight = options.weight if ahead is None else 1.0
         search = AdaptiveSearch(model, certain, self.stop, options.max_labels, weight, ahead)
@@ -181,12 +181,12 @@ class ReplanSolver(Solver):
             return Solution(None, bound, trace={**trace, "reason": why})
         plan_s = time.perf_counter() - begin_s - bound_s
         policy = Replanning(search, model, lookahead=self.options.lookahead)
-        whole = asked_everywhere(model, policy, options.policy_states, self.stop)
+        whole = query_everywhere(model, policy, options.policy_states, self.stop)
         sample = sample_policy(model, policy.get, seed, self.options.roll_outs, self.stop)
         trace |= {
             "planned_cost": planned,
             "determinisation": "every skill costs what it does on average until it succeeds",
-            "expected_cost": None if sample is None else _document(sample),
+            "expected_cost": None if sample is None else _build_document(sample),
             "policy_states": len(policy),
             "policy_complete": whole,
             "sets": None if ahead is None else ahead.sets,
@@ -210,7 +210,7 @@ class ReplanSolver(Solver):
     def _bound(self, model: SkillModel) -> tuple[float | None, dict[str, Any]]:
         """Return a lower bound on the expected cost of every policy, or None and the reason."""
         labels = self.options.bound_labels
-        task = relaxed(model.task) if labels else None
+        task = relax(model.task) if labels else None
         if task is None:
             why = "a failure might save something" if labels else "not asked for"
             return None, {"no_bound": why}
@@ -221,7 +221,7 @@ class ReplanSolver(Solver):
             return None, {"no_bound": "there is no plan"}
         cost = search.floor if cost is None else cost
         bits = search.questions | (0 if ahead is None else ahead.questions)
-        if bits & touched(model.task):
+        if bits & collect_touched(model.task):
             return None, {"no_bound": "verdicts rest on what a failure changes"}
         self.stop.bound(cost)
         return cost, {
@@ -232,12 +232,12 @@ class ReplanSolver(Solver):
     def _ahead(self, model: SkillModel, certain: Task) -> OrdersAhead | None:
         """Return the costs to go of every state, if they can be computed."""
         # Imported here because it imports numpy.
-        from skillplan.solvers.chance.job_sets import orders_ahead
+        from skillplan.solvers.chance.job_sets import find_orders_ahead
 
-        return orders_ahead(model, certain, self.options.sets, self.stop)
+        return find_orders_ahead(model, certain, self.options.sets, self.stop)
 
 
-def _document(sample: PolicySample) -> dict[str, Any]:
+def _build_document(sample: PolicySample) -> dict[str, Any]:
     """Return the figures of roll-outs as JSON values."""
     if sample.problem is not None:
         return {"problem": sample.problem}

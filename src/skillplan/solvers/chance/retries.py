@@ -80,14 +80,14 @@ class RaisedCost(DerivedCost):
         return self.cost.least(true_bits, false_bits) + self.extra
 
 
-def why_not_retried(task: Task) -> str | None:
+def refuse_retries(task: Task) -> str | None:
     """Return the reason why a failed skill of a task cannot be tried again, or None.
 
     It can be tried again if no skill and no goal depends on the facts that a failure changes, and
     every
     skill sets them anew. The next success then removes all traces of the failure.
     """
-    changed = touched(task)
+    changed = collect_touched(task)
     if changed & (task.goal.requires.bits | task.goal.forbids.bits):
         return "a failure changes what the goal asks for"
     for skill in task.skills:
@@ -106,33 +106,33 @@ def why_not_retried(task: Task) -> str | None:
     return None
 
 
-def touched(task: Task) -> int:
+def collect_touched(task: Task) -> int:
     """Return the bits of the facts that failures of a task may change."""
     bits = 0
     for skill in task.skills:
-        for failure in failures(skill):
+        for failure in list_failures(skill):
             bits |= failure.add.bits | failure.delete.bits
     return bits
 
 
-def failures(skill: Skill) -> tuple[Outcome, ...]:
+def list_failures(skill: Skill) -> tuple[Outcome, ...]:
     """Return the outcomes of a skill that are not the nominal one."""
     return skill.outcomes[1:]
 
 
-def retried(task: Task) -> Task:
+def assume_retries(task: Task) -> Task:
     """Return a task with certain skills at the average cost of all their tries."""
     costs: dict[str, Cost] = {}
     for skill in task.skills:
-        lost = failures(skill)
+        lost = list_failures(skill)
         if lost:
             costs[skill.name] = RetryCost(
                 skill.cost, lost, skill.precondition.requires.bits, task.facts
             )
-    return _certain(task, costs)
+    return _make_certain(task, costs)
 
 
-def relaxed(task: Task) -> Task | None:
+def relax(task: Task) -> Task | None:
     """Return a task with certain skills that costs no more than any policy.
 
     A skill that fails with probability p and succeeds with q gets p/q times its least detour added:
@@ -152,7 +152,7 @@ def relaxed(task: Task) -> Task | None:
     costs: dict[str, Cost] = {}
     detours = _Detours(task)
     for skill in task.skills:
-        lost = failures(skill)
+        lost = list_failures(skill)
         least_detours = [detours.least(skill, failure) for failure in lost]
         if any(detour < -_ROUNDING for detour in least_detours):
             return None
@@ -164,7 +164,7 @@ def relaxed(task: Task) -> Task | None:
         if extra:
             success = 1.0 - math.fsum(failure.probability for failure in lost)
             costs[skill.name] = RaisedCost(skill.cost, extra / success)
-    return _certain(task, costs)
+    return _make_certain(task, costs)
 
 
 class _Detours:
@@ -172,7 +172,7 @@ class _Detours:
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        self._changed = touched(task)
+        self._changed = collect_touched(task)
         self._groups = [task.facts.of(*group).bits for group in task.facts.exclusive]
         self._before = self._left()
 
@@ -214,7 +214,7 @@ class _Detours:
         return all((both & group).bit_count() <= 1 for group in self._groups)
 
     def _left(self) -> dict[int, int]:
-        """Return the facts of `touched` that may hold after a skill, with the facts it has ended.
+        """Return the touched facts that may hold after a skill, with the facts it has ended.
 
         For skills with equal facts, the common ended facts.
         """
@@ -234,7 +234,7 @@ class _Detours:
         return left
 
 
-def _certain(task: Task, costs: Mapping[str, Cost]) -> Task:
+def _make_certain(task: Task, costs: Mapping[str, Cost]) -> Task:
     """Return a task with certain skills, some at other costs."""
     skills = []
     for skill in task.skills:

@@ -28,8 +28,8 @@ from skillplan.solvers.learning.episode_kernels import (
 from skillplan.solvers.mdp.tabular_solver import (
     TabularOptions,
     TabularSolver,
-    learner_rewards,
-    policy_of,
+    build_policy,
+    build_rewards,
 )
 from skillplan.solvers.solution import Policy, Solution
 
@@ -147,11 +147,11 @@ class EpisodicSolver(TabularSolver):
         record.add_point(done, q)
         trace = {**self.figures(mdp, done, learning_s), **record.trace(lengths)}
         trace["steps"] = int(lengths.sum())
-        return Solution(policy_of(model, mdp, greedy_rows(mdp, q)), trace=trace)
+        return Solution(build_policy(model, mdp, greedy_rows(mdp, q)), trace=trace)
 
     def _environment(self, model: SkillModel, mdp: TabularMDP) -> Environment:
         choices = np.diff(mdp.rows)
-        rewards = learner_rewards(model, mdp, self.options.objective)
+        rewards = build_rewards(model, mdp, self.options.objective)
         return Environment(
             mdp.rows,
             mdp.outcomes,

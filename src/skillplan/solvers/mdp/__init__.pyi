@@ -1,13 +1,13 @@
 from .bellman_solver import BellmanSolver as BellmanSolver
-from .label_setting import costs_to_go as costs_to_go
+from .label_setting import compute_costs_to_go as compute_costs_to_go
 from .policy_iteration import PolicyIterationSolver as PolicyIterationSolver
-from .tabular_solver import learner_rewards as learner_rewards
+from .tabular_solver import build_rewards as build_rewards
 from .value_iteration import ValueIterationSolver as ValueIterationSolver
 
 __all__ = [
     "BellmanSolver",
     "PolicyIterationSolver",
     "ValueIterationSolver",
-    "costs_to_go",
-    "learner_rewards",
+    "build_rewards",
+    "compute_costs_to_go",
 ]

@@ -35,7 +35,7 @@ class Choices(NamedTuple):
 
 
 @compiled
-def _row_value(
+def _compute_row(
     outcomes: Integers,
     successors: Integers,
     probabilities: Floats,
@@ -95,7 +95,7 @@ def sweep(
         for row in range(rows[state], rows[state + 1]):
             if allowed[row]:
                 any_allowed = True
-                best = min(best, _row_value(out, to, p, values, state, row, weights[row], gamma))
+                best = min(best, _compute_row(out, to, p, values, state, row, weights[row], gamma))
         if any_allowed and best != values[state]:
             largest = max(largest, abs(best - values[state]))
             values[state] = best
@@ -190,7 +190,7 @@ def improve(
         best_row, best = chosen[state], values[state] - margin
         for row in range(rows[state], rows[state + 1]):
             if allowed[row]:
-                value = _row_value(out, to, p, values, state, row, weights[row], gamma)
+                value = _compute_row(out, to, p, values, state, row, weights[row], gamma)
                 if value < best:
                     best_row, best = row, value
         if best_row != chosen[state]:
@@ -200,7 +200,7 @@ def improve(
 
 
 @compiled
-def tight_rows(
+def find_tight_rows(
     choices: Choices,
     allowed: Booleans,
     weights: Floats,
@@ -224,13 +224,13 @@ def tight_rows(
     for state in range(len(values)):
         for row in range(rows[state], rows[state + 1]):
             if allowed[row] and values[state] < np.inf:
-                value = _row_value(out, to, p, values, state, row, weights[row], gamma)
+                value = _compute_row(out, to, p, values, state, row, weights[row], gamma)
                 tight[row] = value <= values[state] + margin
     return tight
 
 
 @compiled
-def proper_policy(
+def find_proper_policy(
     choices: Choices, allowed: Booleans, goal: Booleans
 ) -> tuple[Integers, Integers, Booleans]:
     """Return a policy that reaches a goal with certainty, if allowed rows can.

@@ -15,12 +15,12 @@ from pydantic import Field
 from skillplan.model.policy_value import Convergence
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.solvers.mdp.bellman_backup import Choices, proper_policy, sweep, tight_rows
+from skillplan.solvers.mdp.bellman_backup import Choices, find_proper_policy, find_tight_rows, sweep
 from skillplan.solvers.mdp.tabular_solver import (
     TabularOptions,
     TabularSolver,
-    learner_rewards,
-    policy_of,
+    build_policy,
+    build_rewards,
 )
 from skillplan.solvers.solution import Plan, Solution
 
@@ -189,12 +189,12 @@ class BellmanSolver(TabularSolver):
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Return the optimal policy for all states, and a proof for costs."""
         mdp = self.mdp(model)
-        self._optimum(model, _rehearsal(mdp))
+        self._optimum(model, _build_rehearsal(mdp))
         begin_s = time.perf_counter()
         optimum = self._optimum(model, mdp)
         trace = self.figures(mdp, optimum.iterations, time.perf_counter() - begin_s)
         if self.options.objective == "reward":
-            return Solution(policy_of(model, mdp, optimum.chosen), trace=trace)
+            return Solution(build_policy(model, mdp, optimum.chosen), trace=trace)
         trace["bound_method"] = "Bellman's equations over all states"
         return self._claim(model, mdp, optimum, trace)
 
@@ -211,7 +211,7 @@ class BellmanSolver(TabularSolver):
         choices = Choices.of(mdp)
         deterministic = len(mdp.successors) == len(mdp.actions)
         every = np.ones(len(mdp.actions), dtype=np.bool_)
-        chosen, order, allowed = proper_policy(choices, every, mdp.goal)
+        chosen, order, allowed = find_proper_policy(choices, every, mdp.goal)
         free = np.where(mdp.goal, 0.0, np.inf)
         task = Minimisation(
             choices, allowed, mdp.costs, 1.0, chosen, order, free.copy(), deterministic
@@ -248,8 +248,10 @@ class BellmanSolver(TabularSolver):
             within the tolerance.
         """
         choices = task.choices
-        allowed = tight_rows(choices, task.allowed, mdp.costs, 1.0, costs, _margin(costs, tie))
-        chosen = proper_policy(choices, allowed, mdp.goal)[0]
+        allowed = find_tight_rows(
+            choices, task.allowed, mdp.costs, 1.0, costs, _compute_margin(costs, tie)
+        )
+        chosen = find_proper_policy(choices, allowed, mdp.goal)[0]
         if (chosen[task.order] < 0).any():
             return None
         optimum = self.minimise(
@@ -257,15 +259,15 @@ class BellmanSolver(TabularSolver):
         )
         if not optimum.finished:
             return optimum.chosen
-        margin = _margin(optimum.values, _TIE)
-        allowed = tight_rows(choices, allowed, mdp.durations_s, 1.0, optimum.values, margin)
-        chosen = proper_policy(choices, allowed, mdp.goal)[0]
+        margin = _compute_margin(optimum.values, _TIE)
+        allowed = find_tight_rows(choices, allowed, mdp.durations_s, 1.0, optimum.values, margin)
+        chosen = find_proper_policy(choices, allowed, mdp.goal)[0]
         if (chosen[task.order] < 0).any():
             return None
-        lowest = first_allowed(mdp.rows, allowed)
+        lowest = find_first_allowed(mdp.rows, allowed)
         only = np.zeros(len(mdp.actions), dtype=np.bool_)
         only[lowest[lowest >= 0]] = True
-        proper = proper_policy(choices, only, mdp.goal)[0] >= 0
+        proper = find_proper_policy(choices, only, mdp.goal)[0] >= 0
         return lowest if (proper == (chosen >= 0)).all() else chosen
 
     def _costs_as_much(
@@ -279,12 +281,12 @@ class BellmanSolver(TabularSolver):
 
     def _most_reward(self, model: SkillModel, mdp: TabularMDP) -> Optimum:
         choices, gamma = Choices.of(mdp), self.options.gamma
-        rewards = learner_rewards(model, mdp, "reward")
+        rewards = build_rewards(model, mdp, "reward")
         weights = -mdp.probabilities * rewards.rewards
         if len(weights):
             weights = np.add.reduceat(weights, mdp.outcomes[:-1])
         every = np.ones(len(mdp.actions), dtype=np.bool_)
-        start = first_allowed(mdp.rows, every)
+        start = find_first_allowed(mdp.rows, every)
         order = np.flatnonzero(start >= 0)
         values = np.where(mdp.goal | (start >= 0), 0.0, -rewards.stuck)
         deterministic = len(mdp.successors) == len(mdp.actions)
@@ -293,14 +295,16 @@ class BellmanSolver(TabularSolver):
         )
         if not optimum.finished:
             return optimum
-        margin = _margin(optimum.values, _TIE)
-        tight = tight_rows(choices, every, weights, gamma, optimum.values, margin)
-        return Optimum(optimum.values, first_allowed(mdp.rows, tight), optimum.iterations, True)
+        margin = _compute_margin(optimum.values, _TIE)
+        tight = find_tight_rows(choices, every, weights, gamma, optimum.values, margin)
+        return Optimum(
+            optimum.values, find_first_allowed(mdp.rows, tight), optimum.iterations, True
+        )
 
     def _claim(
         self, model: SkillModel, mdp: TabularMDP, optimum: Optimum, trace: dict[str, Any]
     ) -> Solution:
-        policy = policy_of(model, mdp, optimum.chosen)
+        policy = build_policy(model, mdp, optimum.chosen)
         if not optimum.finished:
             return Solution(policy, trace=trace)
         cost = float(optimum.values[0])
@@ -312,7 +316,7 @@ class BellmanSolver(TabularSolver):
         if np.isinf(cost):
             return Solution(proved=True, trace=trace)
         self.stop.bound(cost)
-        rows = _plan_rows(mdp, optimum.chosen)
+        rows = _follow_policy(mdp, optimum.chosen)
         if len(rows) <= model.step_limit:
             self.stop.incumbent(_plan(model, mdp, rows))
             return Solution(policy, cost, proved=True, trace=trace)
@@ -372,7 +376,7 @@ class BellmanSolver(TabularSolver):
             Number of sweeps, and True if the values are exact.
         """
         if len(task.order) <= _MOST_EQUATIONS:
-            values[task.order] = _solved(task, chosen[task.order], values)
+            values[task.order] = _solve(task, chosen[task.order], values)
             return 1, True
         values[task.order] = 0.0
         own = np.zeros(len(task.allowed), dtype=np.bool_)
@@ -380,7 +384,7 @@ class BellmanSolver(TabularSolver):
         return self.converge(task, values, own)
 
 
-def _solved(
+def _solve(
     task: Minimisation, rows: NDArray[np.int64], values: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the values of the states of a task under a policy."""
@@ -408,7 +412,7 @@ def _solved(
     return np.linalg.solve(matrix, known).astype(np.float64)
 
 
-def first_allowed(rows: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int64]:
+def find_first_allowed(rows: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the first allowed row of every state, -1 for none.
 
     Parameters
@@ -421,12 +425,12 @@ def first_allowed(rows: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArra
     return np.where(first < rows[1:], first, -1)
 
 
-def _margin(values: NDArray[np.float64], tie: float) -> float:
+def _compute_margin(values: NDArray[np.float64], tie: float) -> float:
     finite = values[np.isfinite(values)]
     return tie * max(1.0, float(np.abs(finite).max(initial=0.0)))
 
 
-def _plan_rows(mdp: TabularMDP, chosen: NDArray[np.int64]) -> list[int]:
+def _follow_policy(mdp: TabularMDP, chosen: NDArray[np.int64]) -> list[int]:
     """Return the rows of a policy from state 0 to a goal; each has one outcome."""
     rows, state = [], 0
     while not mdp.goal[state]:
@@ -440,7 +444,7 @@ def _plan(model: SkillModel, mdp: TabularMDP, rows: list[int]) -> Plan:
     return Plan(names, float(sum(mdp.costs[row] for row in rows)))
 
 
-def _rehearsal(mdp: TabularMDP) -> TabularMDP:
+def _build_rehearsal(mdp: TabularMDP) -> TabularMDP:
     """Return a model of two states, on which kernels are compiled before time is measured.
 
     It is stochastic and has distinct costs if the given model is and has, so only needed kernels

@@ -41,7 +41,7 @@ class CostsToGo:
     chosen: NDArray[np.int32]
 
 
-def costs_to_go(
+def compute_costs_to_go(
     rows: NDArray[Any],
     successors: NDArray[Any],
     goal: NDArray[np.bool_],
@@ -87,9 +87,9 @@ def costs_to_go(
     if costs is not None and m:
         step = float(costs[0])
     uniform = costs is None or (step > 0 and bool((costs == step).all()))
-    cost_units, cost_unit = _in_units(None if uniform else costs, n)
-    tie_units, tie_unit = _in_units(ties, n)
-    settle = _breadth_first if uniform else _dijkstra
+    cost_units, cost_unit = _convert_to_units(None if uniform else costs, n)
+    tie_units, tie_unit = _convert_to_units(ties, n)
+    settle = _search_breadth_first if uniform else _run_dijkstra
     cost_sums, tie_sums, chosen = settle(rows, successors, goal, cost_units, tie_units)
     away = cost_sums < 0
     return CostsToGo(
@@ -99,7 +99,9 @@ def costs_to_go(
     )
 
 
-def _in_units(weights: NDArray[np.float64] | None, n: int) -> tuple[NDArray[np.int64], float]:
+def _convert_to_units(
+    weights: NDArray[np.float64] | None, n: int
+) -> tuple[NDArray[np.int64], float]:
     """Return weights as integers with room for n summands, and the unit."""
     if weights is None or not len(weights):
         return np.empty(0, dtype=np.int64), 0.0
@@ -108,7 +110,9 @@ def _in_units(weights: NDArray[np.float64] | None, n: int) -> tuple[NDArray[np.i
 
 
 @compiled
-def _arcs_back(rows: Integers, successors: Integers, n: int) -> tuple[Integers, Integers, Integers]:
+def _reverse_arcs(
+    rows: Integers, successors: Integers, n: int
+) -> tuple[Integers, Integers, Integers]:
     """Return the rows into each state, grouped by state, and the state of each row."""
     m = len(successors)
     begins = np.zeros(n + 2, dtype=np.int32)
@@ -130,7 +134,7 @@ def _arcs_back(rows: Integers, successors: Integers, n: int) -> tuple[Integers, 
 
 
 @compiled
-def _breadth_first(
+def _search_breadth_first(
     rows: Integers,
     successors: Integers,
     goal: NDArray[np.bool_],
@@ -143,7 +147,7 @@ def _breadth_first(
     final before it is passed on.
     """
     n = len(goal)
-    begins, into, owners = _arcs_back(rows, successors, n)
+    begins, into, owners = _reverse_arcs(rows, successors, n)
     steps = np.full(n, -1, dtype=np.int32)
     sums = np.zeros(n if len(ties) else 0, dtype=np.int64)
     chosen = np.full(n, -1, dtype=np.int32)
@@ -184,7 +188,7 @@ def _breadth_first(
 
 
 @compiled
-def _before(first: int, other: int, costs: NDArray[np.int64], ties: NDArray[np.int64]) -> bool:
+def _is_before(first: int, other: int, costs: NDArray[np.int64], ties: NDArray[np.int64]) -> bool:
     """Return True if heap entry `first` comes before `other`."""
     if costs[first] != costs[other]:
         return bool(costs[first] < costs[other])
@@ -192,7 +196,7 @@ def _before(first: int, other: int, costs: NDArray[np.int64], ties: NDArray[np.i
 
 
 @compiled
-def _dijkstra(
+def _run_dijkstra(
     rows: Integers,
     successors: Integers,
     goal: NDArray[np.bool_],
@@ -206,7 +210,7 @@ def _dijkstra(
     even at zero cost.
     """
     n = len(goal)
-    begins, into, owners = _arcs_back(rows, successors, n)
+    begins, into, owners = _reverse_arcs(rows, successors, n)
     cost = np.full(n, -1, dtype=np.int64)
     tie = np.zeros(n, dtype=np.int64)
     chosen = np.full(n, -1, dtype=np.int32)
@@ -230,9 +234,9 @@ def _dijkstra(
                 child = 2 * at + 1
                 if child >= size:
                     break
-                if child + 1 < size and _before(heap[child + 1], heap[child], cost, tie):
+                if child + 1 < size and _is_before(heap[child + 1], heap[child], cost, tie):
                     child += 1
-                if not _before(heap[child], moved, cost, tie):
+                if not _is_before(heap[child], moved, cost, tie):
                     break
                 heap[at], place[heap[child]] = heap[child], at
                 at = child
@@ -258,7 +262,7 @@ def _dijkstra(
             if at < 0:
                 at = size
                 size += 1
-            while at and _before(state, heap[(at - 1) // 2], cost, tie):
+            while at and _is_before(state, heap[(at - 1) // 2], cost, tie):
                 parent = heap[(at - 1) // 2]
                 heap[at], place[parent] = parent, at
                 at = (at - 1) // 2

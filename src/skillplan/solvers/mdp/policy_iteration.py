@@ -14,7 +14,7 @@ from skillplan.solvers.mdp.bellman_solver import (
     BellmanSolver,
     Minimisation,
     Optimum,
-    first_allowed,
+    find_first_allowed,
 )
 
 # Least improvement, as a fraction of the largest value.
@@ -41,7 +41,7 @@ class PolicyIterationSolver(BellmanSolver):
         chosen = task.start.copy()
         values = task.values.copy()
         if task.deterministic:
-            chosen[task.order] = first_allowed(task.choices.rows, task.allowed)[task.order]
+            chosen[task.order] = find_first_allowed(task.choices.rows, task.allowed)[task.order]
         rounds = 0
         while True:
             rounds += 1

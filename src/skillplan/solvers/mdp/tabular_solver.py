@@ -83,7 +83,7 @@ class TabularSolver(Solver):
         }
 
 
-def policy_of(model: SkillModel, mdp: TabularMDP, chosen: NDArray[np.int64]) -> Policy:
+def build_policy(model: SkillModel, mdp: TabularMDP, chosen: NDArray[np.int64]) -> Policy:
     """Return the policy of chosen rows.
 
     Parameters
@@ -119,7 +119,7 @@ class LearnerRewards:
     stuck: float
 
 
-def learner_rewards(model: SkillModel, mdp: TabularMDP, objective: str) -> LearnerRewards:
+def build_rewards(model: SkillModel, mdp: TabularMDP, objective: str) -> LearnerRewards:
     """Return the rewards of the task's scheme, or rewards derived from its costs.
 
     In a state without actions a robot can only fail, for which a scheme has a reward. Without a

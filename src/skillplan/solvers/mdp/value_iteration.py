@@ -16,7 +16,7 @@ from skillplan.solvers.mdp.bellman_solver import (
     Minimisation,
     Optimum,
 )
-from skillplan.solvers.mdp.label_setting import costs_to_go
+from skillplan.solvers.mdp.label_setting import compute_costs_to_go
 
 
 class ValueIterationSolver(BellmanSolver):
@@ -31,7 +31,9 @@ class ValueIterationSolver(BellmanSolver):
         """Settle every state once, in order of cost, if the task is deterministic."""
         if len(mdp.successors) != len(mdp.actions):
             return super().least_cost(mdp)
-        shortest = costs_to_go(mdp.rows, mdp.successors, mdp.goal, mdp.costs, mdp.durations_s)
+        shortest = compute_costs_to_go(
+            mdp.rows, mdp.successors, mdp.goal, mdp.costs, mdp.durations_s
+        )
         return Optimum(shortest.costs, shortest.chosen.astype(np.int64), 1, True)
 
     def minimise(self, task: Minimisation) -> Optimum:

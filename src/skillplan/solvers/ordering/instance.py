@@ -80,17 +80,17 @@ class OrderingInstance:
                 raise ValueError("Every node but the last needs a family.")
         before = self.before.copy()
         before[0, 1:] = before[:-1, n - 1] = True
-        before = closed_relation(before)
+        before = close_relation(before)
         if before.diagonal().any():
             raise ValueError("The precedence relation has a cycle.")
-        arcs = _arcs(before) & (self.costs < np.inf)
+        arcs = _find_arcs(before) & (self.costs < np.inf)
         used = self.costs[arcs]
         if used.size and not (used.min() >= 0 and used.max() <= MOST):
             raise ValueError(f"Costs must be in [0, {MOST:g}].")
         costs = np.where(arcs, self.costs, NO_ARC)
         object.__setattr__(self, "before", before)
         object.__setattr__(self, "costs", np.ascontiguousarray(costs, dtype=np.float64))
-        step, offset = _lattice(self.costs)
+        step, offset = _find_lattice(self.costs)
         object.__setattr__(self, "step", step)
         object.__setattr__(self, "offset", offset)
 
@@ -129,7 +129,7 @@ class OrderingInstance:
         return cost - self.step * (1 - 1e-5)
 
 
-def closed_relation(before: Booleans) -> Booleans:
+def close_relation(before: Booleans) -> Booleans:
     """Return the transitive closure of a relation, shape (n, n)."""
     closed = before.copy()
     for via in range(len(closed)):
@@ -137,7 +137,7 @@ def closed_relation(before: Booleans) -> Booleans:
     return closed
 
 
-def _arcs(before: Booleans) -> Booleans:
+def _find_arcs(before: Booleans) -> Booleans:
     """Return the arcs that an order may take: none against precedence, none that skips a node."""
     count = before.astype(np.float32)
     between = (count @ count) > 0.5
@@ -147,7 +147,7 @@ def _arcs(before: Booleans) -> Booleans:
     return arcs
 
 
-def _lattice(costs: Floats) -> tuple[float, float]:
+def _find_lattice(costs: Floats) -> tuple[float, float]:
     """Return the step and the offset of the costs of orders."""
     left = costs[:-1, 1:]
     used = left < NO_ARC
@@ -195,7 +195,7 @@ class JobOrders:
         if problem.precedence:
             pairs = np.array(sorted(problem.precedence))
             before[pairs[:, 0], pairs[:, 1]] = True
-        last = _last(before)
+        last = _find_last(before)
         nodes = np.array([job for job in range(jobs) if job != last], dtype=np.int64)
         if last is not None:
             nodes = np.append(nodes, last)
@@ -209,7 +209,7 @@ class JobOrders:
         relation = np.zeros((n, n), dtype=np.bool_)
         relation[1 : inner + 1, 1 : inner + 1] = before[np.ix_(nodes, nodes)]
         object.__setattr__(self, "_nodes", nodes)
-        instance = OrderingInstance(costs, relation, _families(problem, nodes, n))
+        instance = OrderingInstance(costs, relation, _find_families(problem, nodes, n))
         object.__setattr__(self, "instance", instance)
 
     def jobs(self, order: Integers) -> tuple[int, ...]:
@@ -226,7 +226,7 @@ class JobOrders:
         return np.concatenate(([0], inner, end)).astype(np.int64)
 
 
-def _families(problem: SequencingProblem, nodes: Integers, n: int) -> Integers | None:
+def _find_families(problem: SequencingProblem, nodes: Integers, n: int) -> Integers | None:
     """Return the family of each of n nodes; None if no pair of jobs needs a set-up.
 
     Jobs, and the initial state, are of one family if they need no set-up between them, for example
@@ -244,13 +244,13 @@ def _families(problem: SequencingProblem, nodes: Integers, n: int) -> Integers |
     near |= near.T
     np.fill_diagonal(near, True)
     # The lowest linked node names the family; a final node without job has none.
-    families: Integers = closed_relation(near).argmax(axis=1)
+    families: Integers = close_relation(near).argmax(axis=1)
     families[len(nodes) + 1 :] = NO_FAMILY
     return families
 
 
-def _last(before: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> int | None:
+def _find_last(before: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> int | None:
     """Return the job that comes after all others, if one exists."""
-    closed = closed_relation(before)
+    closed = close_relation(before)
     last_jobs = np.nonzero(closed.sum(axis=0) == len(closed) - 1)[0]
     return int(last_jobs[0]) if len(last_jobs) else None

@@ -256,7 +256,7 @@ class SharedTree:
                 self._planted.add(helper)
                 seedling = Seedling.of(branching, order)
             self._helpers.give(helper, Explore(share, branching.cost, work, seedling))
-        branching.elsewhere = _least(shares)
+        branching.elsewhere = _find_least(shares)
         branching.run(work)
         for i, helper in enumerate(others):
             finding = self._helpers.result(helper, stop)
@@ -270,11 +270,11 @@ class SharedTree:
                     cost = branching.instance.cost(finding.order)
                     branching.cost = min(branching.cost, cost)
                 branching.take(finding.open)
-            branching.elsewhere = _least(shares[i + 1 :])
+            branching.elsewhere = _find_least(shares[i + 1 :])
 
 
 Keep = Callable[[Integers], None]
 
 
-def _least(shares: list[list[Subproblem]]) -> float:
+def _find_least(shares: list[list[Subproblem]]) -> float:
     return min((helper.bound for share in shares for helper in share), default=np.inf)

@@ -15,13 +15,13 @@ from typing import Literal
 import numpy as np
 
 from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
-from skillplan.solvers.ordering.local_search.ruin_and_recreate import Annealing, cheapest_first
+from skillplan.solvers.ordering.local_search.ruin_and_recreate import Annealing, build_greedy
 from skillplan.solvers.ordering.parallel_search import Helper, Helpers, SharedTree
 from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut, tighten
 from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, Duals
-from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation, open_pairs
+from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation, find_open_pairs
 from skillplan.solvers.ordering.search_worker import Improve
-from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, beam
+from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, run_beam
 
 
 @dataclass
@@ -151,7 +151,7 @@ class OrderingSearch:
                 self.helpers.end()
 
     def _search(self) -> None:
-        self._begin = cheapest_first(self.instance) if self.order is None else self.order
+        self._begin = build_greedy(self.instance) if self.order is None else self.order
         self._keep(self._begin)
         if "local-search" in self.methods:
             self._anneal(self._moves)
@@ -311,7 +311,7 @@ class OrderingSearch:
             well_branched = self._root_bound + _ENOUGH * (cutoff - self._root_bound)
             if self.order is None or self._first_bound >= well_branched:
                 return
-            if open_pairs(self.instance).sum() // 2 > _MOST_PAIRS:
+            if find_open_pairs(self.instance).sum() // 2 > _MOST_PAIRS:
                 return
             self._pairs = PairRelaxation(relaxation)
         pairs = self._pairs
@@ -382,7 +382,7 @@ class OrderingSearch:
         # Two layers at a time, the table and the copy of a growing layer; then only its history.
         allowed = self._allowed(width, 10, self.instance.n)
         cutoff = self.instance.cutoff(self.cost)
-        beam_result = beam(
+        beam_result = run_beam(
             self.instance, self._known.without(cutoff), cutoff, max(1, allowed), self._over
         )
         if beam_result is not None:
@@ -440,7 +440,7 @@ _WORK_WARM_UP = 1_000_000
 
 def warm_up() -> None:
     """Search a small instance by each method, which compiles all kernels."""
-    instance = _instance()
+    instance = _build_instance()
     for method in METHODS:
         OrderingSearch(instance, (method,), rounds=1).run()
     # Other moves search instances with costs in one direction.
@@ -451,7 +451,7 @@ def warm_up() -> None:
     PairRelaxation(relaxation).run(_WORK_WARM_UP, np.inf, lambda: False, lambda duals: None)
 
 
-def _instance() -> OrderingInstance:
+def _build_instance() -> OrderingInstance:
     """Return places on a grid with precedence, which the relaxation alone does not prove."""
     nodes = np.arange(_NODES)
     x, y = 7 * nodes % 31, 11 * nodes**2 % 31

@@ -44,7 +44,7 @@ class JobOrderSolver(Solver):
             # The search will end for the same reason and return its results.
             return None
         except NotASequencing as error:
-            if _obstacle(model) is not None:
+            if _find_obstacle(model) is not None:
                 return None
             instead = "exact" if model.task.deterministic else "value-iteration"
             return f"{self.name} puts jobs into an order, and {error} Take {instead}."
@@ -77,7 +77,7 @@ class JobOrderSolver(Solver):
         try:
             problem = self.problem(model)
         except NotASequencing:
-            reason = _obstacle(model)
+            reason = _find_obstacle(model)
             if reason is None:
                 raise
             return Solution(trace={"reason": reason, "ended": "no order"})
@@ -239,7 +239,7 @@ class BranchAndCutSolver(SequencingSolver):
     methods = ("branch-and-cut",)
 
 
-def _obstacle(model: SkillModel) -> str | None:
+def _find_obstacle(model: SkillModel) -> str | None:
     """Return the obstacle to every order of a small task in words, or None."""
     from skillplan.chart.precedence_chart import derive_chart
 

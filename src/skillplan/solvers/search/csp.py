@@ -15,7 +15,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from skillplan.model.skill_model import SkillModel, Transition
-from skillplan.solvers.search.landmark_bound import from_units, to_units
+from skillplan.solvers.search.landmark_bound import convert_from_units, convert_to_units
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
@@ -121,11 +121,11 @@ class _Search:
                 self.backtracks += bool(chosen)
                 continue
             self.visited += 1
-            held = _held(step) or last.held
-            cost = last.cost + to_units(step.cost)
+            held = _get_held(step) or last.held
+            cost = last.cost + convert_to_units(step.cost)
             if self.model.is_goal(step.next_state):
                 names = (*(choice.name for choice in chosen[1:]), step.skill.name)
-                return self._solution(Plan(names, from_units(cost)))
+                return self._solution(Plan(names, convert_from_units(cost)))
             following = self._open(step.next_state, held, len(chosen))
             chosen.append(_Choice(step.skill.name, held, cost, following))
         return self._solution(None)
@@ -133,13 +133,15 @@ class _Search:
     def _open(self, state: State, held: frozenset[str], depth: int) -> Iterator[Transition]:
         """Return the choices at a depth, cheapest first."""
         steps = sorted(self.model.transitions(state), key=lambda step: step.cost)
-        return (step for step in steps if _fits(step, held) and self._promising(step, held, depth))
+        return (
+            step for step in steps if _has_common(step, held) and self._promising(step, held, depth)
+        )
 
     def _promising(self, step: Transition, held: frozenset[str], depth: int) -> bool:
         """Return True if a choice is new or better than when it failed, and has successors."""
         if self.model.is_goal(step.next_state):
             return True
-        held = _held(step) or held
+        held = _get_held(step) or held
         key = (step.next_state.bits, held)
         if self._seen.get(key, depth + 1) <= depth:
             return False
@@ -148,9 +150,9 @@ class _Search:
         if depth + 1 >= self.model.step_limit:
             return self._fail(depth, name, f"{name} is the last that the step limit allows")
         ahead = self.model.transitions(step.next_state)
-        if any(_fits(following, held) for following in ahead):
+        if any(_has_common(following, held) for following in ahead):
             return True
-        return self._fail(depth, name, _conflict(ahead, name))
+        return self._fail(depth, name, _describe_conflict(ahead, name))
 
     def _fail(self, depth: int, name: str, reason: str) -> bool:
         """Keep the deepest failure, the first among equals; return True if it is the new one."""
@@ -168,7 +170,7 @@ class _Search:
         return Solution(plan, trace=trace)
 
 
-def _conflict(steps: Sequence[Transition], name: str) -> str:
+def _describe_conflict(steps: Sequence[Transition], name: str) -> str:
     """Return the reason why a choice has no successor."""
     if not steps:
         return f"nothing is feasible after {name}"
@@ -177,13 +179,13 @@ def _conflict(steps: Sequence[Transition], name: str) -> str:
     return f"nothing that {name} occupies is shared by {', '.join(names[:_MOST_NAMED])}{more}"
 
 
-def _held(step: Transition) -> frozenset[str]:
+def _get_held(step: Transition) -> frozenset[str]:
     """Return the resources of a choice."""
     case = step.skill.case(step.state)
     return frozenset() if case is None else case.occupies
 
 
-def _fits(step: Transition, held: frozenset[str]) -> bool:
+def _has_common(step: Transition, held: frozenset[str]) -> bool:
     """Return True if a choice shares a resource with the one before; the first choice is free."""
-    occupied = _held(step)
+    occupied = _get_held(step)
     return not held or not occupied or bool(held & occupied)

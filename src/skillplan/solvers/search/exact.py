@@ -19,7 +19,11 @@ from typing import TypeVar
 from pydantic import Field
 
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.search.landmark_bound import LandmarkBound, from_units, to_units
+from skillplan.solvers.search.landmark_bound import (
+    LandmarkBound,
+    convert_from_units,
+    convert_to_units,
+)
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
@@ -34,7 +38,7 @@ Ranked = tuple[tuple[int, ...], Node]
 MOST_NODES = 256
 
 
-def questions_ahead(
+def list_questions(
     node: Node,
     others: Iterable[Ranked[Node]],
     *,
@@ -170,7 +174,7 @@ class _Search:
         self.expanded = 0
         self.generated = 0
         # All tolls of a plan together stay within the tolerance of a proof.
-        self._toll = max(1, min(1_000, to_units(1e-9) // model.step_limit))
+        self._toll = max(1, min(1_000, convert_to_units(1e-9) // model.step_limit))
         self._incumbent: int | None = None
         self._plan: Plan | None = None
 
@@ -243,7 +247,9 @@ class _Search:
         """Return the bound on all plans that the lightest open label proves."""
         if self._incumbent is not None:
             ahead = min(ahead, self._incumbent)
-        return max(0.0, from_units((ahead >> _TIME_BITS) - self._toll * self.model.step_limit))
+        return max(
+            0.0, convert_from_units((ahead >> _TIME_BITS) - self._toll * self.model.step_limit)
+        )
 
     def _dominated(self, known: Sequence[_Label], label: _Label, bounded: bool) -> bool:
         """Return True if one of a state's known labels dominates `label`."""
@@ -274,7 +280,7 @@ class _Search:
         time = label.time + round(skill.duration_s.at(here) * 1e6)
         asks = self.model.asks_costs
         cost = self.bound.from_here(here, skill) if asks else skill.cost.at(here)
-        units = label.cost + to_units(cost)
+        units = label.cost + convert_to_units(cost)
         return _Label(state, units, label.steps + 1, time, label, action, priced=not asks)
 
     def _price(self, label: _Label) -> None:
@@ -282,7 +288,7 @@ class _Search:
         if not label.priced and label.parent is not None:
             skill = self.model.task.skills[label.skill]
             cost = self.model.cost(label.parent.state, skill)
-            label.cost = label.parent.cost + to_units(cost)
+            label.cost = label.parent.cost + convert_to_units(cost)
             label.priced = True
 
     def _feasible(
@@ -327,7 +333,7 @@ class _Search:
                     seen.add(label.state.bits)
                     yield ((-label.steps, ahead) if deep else (ahead, -label.steps)), label
 
-        return questions_ahead(
+        return list_questions(
             label,
             ranked(others()),
             successors=lambda child: ranked(self._children(child)),
@@ -389,4 +395,4 @@ def _plan_of(model: SkillModel, label: _Label) -> Plan:
         actions.append(here.skill)
         here = here.parent
     skills = tuple(model.task.skills[action].name for action in reversed(actions))
-    return Plan(skills, from_units(label.cost))
+    return Plan(skills, convert_from_units(label.cost))

@@ -21,12 +21,12 @@ from skillplan.task.task import Task
 COST_UNIT = 1e-15
 
 
-def to_units(cost: float) -> int:
+def convert_to_units(cost: float) -> int:
     """Return a cost as an integer of units."""
     return round(cost / COST_UNIT)
 
 
-def from_units(units: int) -> float:
+def convert_from_units(units: int) -> float:
     """Return a cost from an integer of units."""
     return units / round(1 / COST_UNIT)
 
@@ -60,11 +60,11 @@ class LandmarkBound:
     def __init__(self, task: Task, cost: Callable[[Skill, int, int], float] | None = None) -> None:
         self._task = task
         self._bounded = cost is not None
-        self._least = _own_least if cost is None else cost
+        self._least = _find_own_least if cost is None else cost
         self._all_bits = task.facts.all_bits
         self._requires = [skill.precondition.requires.bits for skill in task.skills]
         self._forbids = [skill.precondition.forbids.bits for skill in task.skills]
-        self._adds = [_union(o.add for o in skill.effects) for skill in task.skills]
+        self._adds = [_unite(o.add for o in skill.effects) for skill in task.skills]
         self._makers: dict[int, list[int]] = {}
         for i, added in enumerate(self._adds):
             for name in task.facts.names_of(added):
@@ -93,7 +93,7 @@ class LandmarkBound:
         bits, total = state.bits, outlook.total
         for i, landmark in outlook.landmarks.items():
             if self._ready(i, bits):
-                from_here = to_units(self.from_here(state, self._task.skills[i]))
+                from_here = convert_to_units(self.from_here(state, self._task.skills[i]))
                 if from_here < landmark:
                     total += from_here - landmark
         return (total, len(outlook.landmarks)) if total < _NEVER else (-1, 0)
@@ -179,7 +179,7 @@ class LandmarkBound:
         for skill, added in zip(self._task.skills, self._adds, strict=True):
             # Facts that hold afterwards in every state.
             delete, add = skill.prediction.delete.bits, skill.prediction.add.bits
-            may_delete = _union(outcome.delete for outcome in skill.effects)
+            may_delete = _unite(outcome.delete for outcome in skill.effects)
             true = skill.precondition.requires.bits & ~may_delete | add
             false = skill.precondition.forbids.bits & ~added | delete
             after.append(self._known(true, false))
@@ -192,16 +192,16 @@ class LandmarkBound:
                     continue
                 cost = self._least(skill, true | needs_true, false | needs_false)
                 if math.isfinite(cost):
-                    listed.append((to_units(cost), j))
+                    listed.append((convert_to_units(cost), j))
             predecessors.append(sorted(listed))
         return predecessors
 
 
-def _own_least(skill: Skill, true_bits: int, false_bits: int) -> float:
+def _find_own_least(skill: Skill, true_bits: int, false_bits: int) -> float:
     return skill.cost.least(true_bits, false_bits)
 
 
-def _union(sets: Iterable[State]) -> int:
+def _unite(sets: Iterable[State]) -> int:
     bits = 0
     for facts in sets:
         bits |= facts.bits

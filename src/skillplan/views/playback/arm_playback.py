@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.physics.linear_motions import tool_shapes
+from skillplan.physics.linear_motions import build_tool_shapes
 from skillplan.physics.performance import Contact, PerformedSkill, Sample
 from skillplan.robots.arm_description import Hand
 from skillplan.task.pose import Pose
@@ -189,7 +189,7 @@ class _ArmPlayback:
         grips = np.array([tool is None or tool.kind is ToolKind.GRIPPER for tool in attached])
         self._add_gripper(hand, hand_frames, grips)
         for tool in self.robot.tools:
-            shapes = [self.playback.solid(shape) for shape in tool_shapes(tool, hand)]
+            shapes = [self.playback.solid(shape) for shape in build_tool_shapes(tool, hand)]
             if not shapes:
                 continue
             on = np.array([other is not None and other.name == tool.name for other in attached])

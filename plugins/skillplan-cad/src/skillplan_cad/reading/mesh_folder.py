@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skillplan.domains.assembly.mesh_files import MeshFileError, parsed
+from skillplan.domains.assembly.mesh_files import MeshFileError, parse_mesh
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.regular_file import RefusedFile, read_bytes, resolve_within
 from skillplan_cad.product import Points, Triangles
@@ -112,7 +112,7 @@ def _content(folder: Path, path: Path) -> bytes:
 def _mesh(path: Path, content: bytes, scale: float) -> tuple[Points, Triangles]:
     try:
         with np.errstate(over="ignore"):
-            corners, triangles = parsed(content, path.suffix.lower())
+            corners, triangles = parse_mesh(content, path.suffix.lower())
             vertices = corners * scale
     except MeshFileError:
         kind = path.suffix[1:].upper()

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from skillplan.physics.linear_motions import jaw_opening_m, visited_grasp
+from skillplan.physics.linear_motions import choose_opening_m, choose_visit_grasp
 from skillplan.physics.performance import MOST_PLAYED_S, PerformedSkill, PlannedMotion, Sample
 from skillplan.task.motion import Event
 from skillplan.task.pose import Pose
@@ -160,7 +160,7 @@ class KinematicRun:
         visit = paths.motion.visit
         subject, dwell_s = visit.subject, visit.dwell_s
         if visit.event is Event.GRASP:
-            grasp = visited_grasp(self.task.scene.body(subject), visit)
+            grasp = choose_visit_grasp(self.task.scene.body(subject), visit)
             self._dwell(dwell_s, {}, grasp.width_m if self._has_jaws(paths) else self._opening_m)
             stood = self._poses.pop(subject, visit.pose)
             self._held = subject, self._tip().inverse().then(stood)
@@ -189,8 +189,8 @@ class KinematicRun:
         visit = paths.motion.visit
         if visit.event not in (Event.GRASP, Event.RELEASE) or not self._has_jaws(paths):
             return self._opening_m
-        grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
-        return jaw_opening_m(grasp, self.clearance_m, paths.motion.tool, self.robot.hand)
+        grasp = choose_visit_grasp(self.task.scene.body(visit.subject), visit)
+        return choose_opening_m(grasp, self.clearance_m, paths.motion.tool, self.robot.hand)
 
     def _along(self, path: JointPath, opening_m: float) -> None:
         """Follow a path from rest to rest while the jaws open."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 import numpy as np
 
 from skillplan.collision.boxes import world_boxes
-from skillplan.physics.linear_motions import linear_motions
+from skillplan.physics.linear_motions import plan_linear_motions
 from skillplan.physics.performance import (
     MOST_PLAYED_S,
     Angle,
@@ -241,7 +241,7 @@ def film_skill(
 
 
 def _make_camera(workcell: Workcell, skill: Skill, state: State) -> PaintedCamera:
-    motions = linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
+    motions = plan_linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
     x_m, y_m, z_m = motions[-1].tip
     view = View.close_up((x_m, y_m, z_m + 0.05))
     # An execution without pictures does not load the painter.

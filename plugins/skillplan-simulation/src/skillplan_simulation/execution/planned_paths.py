@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.physics.linear_motions import LinearMotion, visited_grasp
+from skillplan.physics.linear_motions import LinearMotion, choose_visit_grasp
 from skillplan.task.motion import Event, GraspKind
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -156,7 +156,7 @@ class PlannedPaths:
     def _run(self, path: JointPath, motion: LinearMotion, *, turns: bool) -> JointRun:
         """Return the fastest run along a path, slowed down if a gripped part might slip."""
         is_gripped = motion.visit.event is Event.RELEASE and (
-            visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit).kind
+            choose_visit_grasp(self.task.scene.body(motion.visit.subject), motion.visit).kind
             is GraspKind.JAWS
         )
         key = path.nodes.tobytes(), is_gripped

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
+from skillplan.physics.linear_motions import LinearMotion, choose_opening_m, choose_visit_grasp
 from skillplan.task.motion import Event, Grasp, GraspKind, Point
 from skillplan.task.pose import DOWN, is_same_direction, plus
 from skillplan.task.scene import WORLD, Scene, Tool
@@ -340,7 +340,7 @@ class SkillRunner(ControlledRobot):
 
     def _held(self, motion: LinearMotion) -> Grasp:
         """Return the grasp of the part that a motion handles."""
-        return visited_grasp(self.scene.body(motion.visit.subject), motion.visit)
+        return choose_visit_grasp(self.scene.body(motion.visit.subject), motion.visit)
 
     def _gap_m(self, motion: LinearMotion) -> float:
         """Return the gap between a part and the rim of a cup [m]."""
@@ -354,7 +354,7 @@ class SkillRunner(ControlledRobot):
         return self.settings.grip_force_n if given_n is None else given_n
 
     def _opening_for(self, motion: LinearMotion) -> float:
-        return jaw_opening_m(
+        return choose_opening_m(
             self._held(motion), self.settings.clearance_m, self.tools.tool, self.arm.hand
         )
 

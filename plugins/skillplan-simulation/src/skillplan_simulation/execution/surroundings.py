@@ -21,7 +21,12 @@ from skillplan.collision.boxes import (
     world_box,
     world_boxes,
 )
-from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, tool_shapes, visited_grasp
+from skillplan.physics.linear_motions import (
+    LinearMotion,
+    build_tool_shapes,
+    choose_opening_m,
+    choose_visit_grasp,
+)
 from skillplan.robots.arm_description import Hull, LinkShape
 from skillplan.task.motion import AXES, Event, Point
 from skillplan.task.pose import Pose, plus
@@ -156,10 +161,12 @@ class Sweeps:
         tool, visit, hand = motion.tool, motion.visit, get_hand(self.robot, motion.tool)
         if visit.event in (Event.GRASP, Event.RELEASE):
             # The hand, or the tool in its place.
-            if tool is not None and tool_shapes(tool, hand):
+            if tool is not None and build_tool_shapes(tool, hand):
                 return list(make_tool_boxes(tool, hand))
-            grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
-            return list(make_hand_boxes(hand, jaw_opening_m(grasp, self.clearance_m, tool, hand)))
+            grasp = choose_visit_grasp(self.task.scene.body(visit.subject), visit)
+            return list(
+                make_hand_boxes(hand, choose_opening_m(grasp, self.clearance_m, tool, hand))
+            )
         boxes = list(make_tool_boxes(tool, hand))
         if visit.event is Event.LOAD:
             robots = self.task.scene.robots

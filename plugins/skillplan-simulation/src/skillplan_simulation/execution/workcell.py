@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
+from skillplan.physics.linear_motions import LinearMotion, choose_opening_m, choose_visit_grasp
 from skillplan.task.motion import Event, GraspKind
 from skillplan.task.pose import DOWN, Pose, is_same_direction, plus
 from skillplan.task.scene import Placement, Robot
@@ -296,8 +296,8 @@ class Workcell:
         hand = get_hand(self.robot, motion.tool)
         if motion.visit.event not in (Event.GRASP, Event.RELEASE):
             return hand.opening_m / 2
-        grasp = visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit)
-        return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool, hand)
+        grasp = choose_visit_grasp(self.task.scene.body(motion.visit.subject), motion.visit)
+        return choose_opening_m(grasp, self.settings.clearance_m, motion.tool, hand)
 
     def _sense(self, runner: SkillRunner, last: LinearMotion, stopped: str | None) -> None:
         sensed = runner.sensed
@@ -308,7 +308,7 @@ class Workcell:
             sensed["insertion_force_n"] = float(resistance_n.max())
         event = last.visit.event
         if event in (Event.GRASP, Event.RELEASE):
-            grasp = visited_grasp(self.task.scene.body(last.visit.subject), last.visit)
+            grasp = choose_visit_grasp(self.task.scene.body(last.visit.subject), last.visit)
             if grasp.kind is GraspKind.JAWS:
                 sensed["jaw_width_m"] = runner.arm.jaw_width_m()
 

@@ -226,7 +226,7 @@ _LEAST_NODES = 8
 _PORTION = 10_000_000
 
 
-def cheapest_first(instance: OrderingInstance) -> Integers:
+def build_greedy(instance: OrderingInstance) -> Integers:
     """Return a greedy order: always the cheapest node whose predecessors are visited."""
     n = instance.n
     lacking = instance.before.sum(axis=0) - instance.before[0]
@@ -241,14 +241,14 @@ def cheapest_first(instance: OrderingInstance) -> Integers:
     return np.array(order)
 
 
-def nearest(instance: OrderingInstance) -> Integers:
+def find_nearest(instance: OrderingInstance) -> Integers:
     """Return the nearest nodes of each node, in either direction."""
     both = np.minimum(instance.costs, instance.costs.T)
     near = np.argsort(both, axis=1, kind="stable")[:, : min(_NEAR, instance.n - 1)]
     return np.ascontiguousarray(near)
 
 
-def followers(instance: OrderingInstance) -> Integers:
+def find_followers(instance: OrderingInstance) -> Integers:
     """Return the direct successors of inner nodes by precedence, padded with -1."""
     inner = instance.before.copy()
     inner[0] = inner[:, -1] = False
@@ -260,7 +260,7 @@ def followers(instance: OrderingInstance) -> Integers:
     return follow
 
 
-def _reversible(instance: OrderingInstance) -> bool:
+def _is_reversible(instance: OrderingInstance) -> bool:
     """Return True if reversing strings changes costs little and is seldom forbidden."""
     costs, inner = instance.costs, instance.before[1:-1, 1:-1]
     both = (costs < NO_ARC) & (costs.T < NO_ARC)
@@ -280,11 +280,11 @@ class Annealing:
     def __init__(self, instance: OrderingInstance, seed: int) -> None:
         self._instance = instance
         self._random = np.array([0x9E3779B97F4A7C15 ^ (seed * 2 + 1)], dtype=np.uint64)
-        self._near = nearest(instance)
-        self._follow = followers(instance)
+        self._near = find_nearest(instance)
+        self._follow = find_followers(instance)
         used = instance.costs[instance.costs < NO_ARC]
         self._typical = float(used.mean()) if used.size else 1.0
-        self.kicked = instance.n >= _LEAST_NODES and _reversible(instance)
+        self.kicked = instance.n >= _LEAST_NODES and _is_reversible(instance)
         self._cooling = _KICK_COOLING if self.kicked else _COOLING
         self._turn = 0
 

@@ -228,7 +228,7 @@ class BranchAndCut:
                 unsure += 1
                 tried = []
                 for branch in (0, 1):
-                    child = _child_arcs(arcs, i, j, branch)
+                    child = _restrict_child(arcs, i, j, branch)
                     bound = relaxation.trial(child, arcs, basis, duals)
                     gain = min(bound, self.cutoff) - subproblem.bound
                     step = fraction[k] if branch == 0 else 1 - fraction[k]
@@ -284,7 +284,7 @@ class BranchAndCut:
         for branch in (0, 1):
             if bounds[branch] < self.cutoff:
                 self._made += 1
-                child = _child_arcs(arcs, i, j, branch)
+                child = _restrict_child(arcs, i, j, branch)
                 children.append(
                     Subproblem.of(bounds[branch], self._made, child, subproblem.depth + 1)
                 )
@@ -315,7 +315,7 @@ class BranchAndCut:
         return score
 
 
-def _child_arcs(arcs: Booleans, i: int, j: int, branch: int) -> Booleans:
+def _restrict_child(arcs: Booleans, i: int, j: int, branch: int) -> Booleans:
     """Return the arcs of the child that forbids an arc (0) or fixes it (1)."""
     child = arcs.copy()
     if branch == 0:

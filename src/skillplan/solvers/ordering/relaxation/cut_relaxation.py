@@ -2,7 +2,7 @@
 
 The assignment relaxation: every node but the last is left once, every node but the first is
 entered once. Cuts include subtour elimination (see `precedence_cuts`), and least numbers of
-set-ups (see `set_up_cuts`), which stay. The program is solved by column generation with the dual
+set-ups (see `find_set_up_cuts`), which stay. Column generation solves the program with the dual
 simplex method of HiGHS (Huangfu and Hall, 2018). Bounds are computed from dual values and hold
 despite their errors.
 """
@@ -23,10 +23,14 @@ from skillplan.solvers.ordering.instance import (
     Integers,
     OrderingInstance,
 )
-from skillplan.solvers.ordering.relaxation.precedence_cuts import pairs_of, separate, set_up_cuts
+from skillplan.solvers.ordering.relaxation.precedence_cuts import (
+    find_set_up_cuts,
+    select_pairs,
+    separate,
+)
 
 
-def assignment_program(n: int, sums: Floats | None = None) -> highspy.Highs:
+def build_assignment(n: int, sums: Floats | None = None) -> highspy.Highs:
     """Return a program without columns.
 
     Rows 0 to n - 2 leave a node, the next n - 1 enter one, and the others are sums with lower
@@ -125,7 +129,7 @@ class Duals:
 class Charges(NamedTuple):
     """Additional reduced costs of a label for its next node, by its set.
 
-    They belong to pairs and triples; see `charges_of`.
+    They belong to pairs and triples; see `build_charges`.
 
     Parameters
     ----------
@@ -146,7 +150,7 @@ class Charges(NamedTuple):
     amounts: Floats
 
 
-def charges_of(duals: Duals) -> Charges:
+def build_charges(duals: Duals) -> Charges:
     """Return the charges of labels from the start.
 
     The reduced cost of an order is at least the charges of its first part from the start plus those
@@ -175,7 +179,7 @@ def charges_of(duals: Duals) -> Charges:
     return Charges(starts, has[ranked], lacks[ranked], after[ranked], amounts[ranked])
 
 
-def repaired(bound: float, reduced: Floats) -> Duals:
+def repair(bound: float, reduced: Floats) -> Duals:
     """Return valid duals: negative reduced costs are subtracted from the bound."""
     finite = reduced[:-1, 1:]
     rows = np.minimum(finite.min(axis=1), 0.0)
@@ -218,15 +222,15 @@ class CutRelaxation:
         self.heads = np.zeros(0, dtype=np.int64)
         self._upper = np.zeros(0)
         self._column = np.full((instance.n, instance.n), -1, dtype=np.int64)
-        self.set_ups = set_up_cuts(instance)
+        self.set_ups = find_set_up_cuts(instance)
         self._set_ups = np.array([cut.arcs for cut in self.set_ups], dtype=np.bool_)
         self._set_ups = self._set_ups.reshape(-1, *self.arcs.shape)
         self._least = np.array([cut.number for cut in self.set_ups], dtype=np.float64)
         # Number of rows before the cuts.
         self._fixed = 2 * (instance.n - 1) + len(self.set_ups)
-        self._highs = assignment_program(instance.n, self._least)
+        self._highs = build_assignment(instance.n, self._least)
         self._add(self._first_arcs(start))
-        self._pairs = pairs_of(instance.before)
+        self._pairs = select_pairs(instance.before)
         self._next = 0
 
     def _first_arcs(self, start: Integers | None) -> Booleans:
@@ -309,7 +313,7 @@ class CutRelaxation:
 
     def duals(self, arcs: Booleans | None = None) -> Duals:
         """Return the bound and reduced costs of the present dual values, over all arcs or some."""
-        return repaired(*self._priced(self.arcs if arcs is None else arcs))
+        return repair(*self._priced(self.arcs if arcs is None else arcs))
 
     def _priced(self, arcs: Booleans) -> tuple[float, Floats]:
         """Return the bound of the present dual values, and the reduced costs of some arcs."""
@@ -352,7 +356,7 @@ class CutRelaxation:
         )
         if not len(leave):
             return 0
-        fresh = _distinct(leave, reach)
+        fresh = _select_distinct(leave, reach)
         return self.add_cuts(leave[fresh], reach[fresh])
 
     def add_cuts(self, leave: Booleans, reach: Booleans) -> int:
@@ -468,7 +472,7 @@ class CutRelaxation:
         return int(gone.sum())
 
 
-def _distinct(leave: Booleans, reach: Booleans) -> Integers:
+def _select_distinct(leave: Booleans, reach: Booleans) -> Integers:
     both = np.packbits(np.concatenate((leave, reach), axis=1), axis=1)
     _, first = np.unique(both, axis=0, return_index=True)
     return np.sort(first)

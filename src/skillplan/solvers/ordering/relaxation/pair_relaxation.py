@@ -20,10 +20,10 @@ from skillplan.solvers.ordering.relaxation.cut_relaxation import (
     CutRelaxation,
     Duals,
     PairPrices,
-    assignment_program,
-    repaired,
+    build_assignment,
+    repair,
 )
-from skillplan.solvers.ordering.relaxation.precedence_cuts import pairs_of, separate_between
+from skillplan.solvers.ordering.relaxation.precedence_cuts import select_pairs, separate_between
 
 # Rounds of slack after which rows are dropped, some at a time.
 _SLACK_ROUNDS = 2
@@ -71,14 +71,14 @@ class _Rows:
 Terms = tuple[Integers, Integers, Integers, Floats]
 
 
-def open_pairs(instance: OrderingInstance) -> Booleans:
+def find_open_pairs(instance: OrderingInstance) -> Booleans:
     """Return True for pairs of nodes that may come in either order, shape (n, n)."""
     either: Booleans = ~(instance.before | instance.before.T)
     np.fill_diagonal(either, False)
     return either
 
 
-def terms_of(*several: tuple[Integers, Integers, Integers, float]) -> Terms:
+def join_terms(*several: tuple[Integers, Integers, Integers, float]) -> Terms:
     """Join terms: rows, nodes, their successors, and weights."""
     nothing = np.zeros(0, dtype=np.int64)
     rows, ones, others = (
@@ -113,7 +113,7 @@ class PairProgram:
         self.tails, self.heads = np.nonzero(arcs)
         self.arc = np.full((n, n), -1, dtype=np.int64)
         self.arc[self.tails, self.heads] = np.arange(len(self.tails))
-        self.varies = open_pairs(instance)
+        self.varies = find_open_pairs(instance)
         self._open = np.argwhere(np.triu(self.varies))
         first, second = self._open.T
         # Fraction by which i comes before j: `fixed + sign * variable`.
@@ -138,7 +138,7 @@ class PairProgram:
 
     def _model(self) -> highspy.Highs:
         n, arcs = self.instance.n, len(self.tails)
-        highs = assignment_program(n)
+        highs = build_assignment(n)
         highs.setOptionValue("simplex_iteration_limit", _STEPS)
         ends = np.stack((self.tails, n - 1 + self.heads - 1), axis=1).astype(np.int32)
         highs.addCols(
@@ -218,7 +218,7 @@ class PairProgram:
         # The variable of a pair is in [0, 1]: at a negative reduced cost it is at its upper bound.
         priced = -weights[arcs:]
         bound += np.minimum(priced, 0.0).sum()
-        duals = repaired(float(bound), reduced)
+        duals = repair(float(bound), reduced)
         used = (cuts > 0) & (rows.triple[:, 0] >= 0)
         costly = np.nonzero(priced)[0]
         turned = priced[costly] < 0
@@ -257,7 +257,7 @@ class PairProgram:
         column = self.arc[arcs & (self.arc >= 0)]
         many = len(column)
         row = np.zeros(many, dtype=np.int64)
-        self.add(np.array([float(bound)]), (row, column, np.ones(many)), terms_of())
+        self.add(np.array([float(bound)]), (row, column, np.ones(many)), join_terms())
 
     def add(
         self,
@@ -303,7 +303,7 @@ class PairProgram:
 
 
 @compiled
-def violated_triples(
+def find_violated_triples(
     earlier: Floats, taken: Floats, violation: float
 ) -> tuple[Integers, Integers, Integers, Floats]:
     """Return the most violated transitivity cut of every pair.
@@ -365,13 +365,13 @@ class PairRelaxation:
         self.instance = instance = relaxation.instance
         self._program = PairProgram(instance, relaxation.arcs, relaxation.scale)
         ones = np.ones(len(relaxation.leave))
-        self._program.add_cuts(relaxation.leave, relaxation.reach, ones, terms_of())
+        self._program.add_cuts(relaxation.leave, relaxation.reach, ones, join_terms())
         for cut in relaxation.set_ups:
             self._program.add_sum(cut.arcs, cut.number)
         possible = ~instance.before.T
         np.fill_diagonal(possible, False)
         rest = np.argwhere(possible[1:-1, 1:-1]) + 1
-        self._core, _ = pairs_of(instance.before)
+        self._core, _ = select_pairs(instance.before)
         self._rest = np.random.default_rng(0).permutation(rest)
         self._next = 0
         self._bounds: list[float] = []
@@ -440,9 +440,11 @@ class PairRelaxation:
         i, j = np.nonzero(untied)
         row = np.arange(len(i))
         program.add(
-            np.zeros(len(i)), (row, program.arc[i, j], -np.ones(len(i))), terms_of((row, i, j, 1.0))
+            np.zeros(len(i)),
+            (row, program.arc[i, j], -np.ones(len(i))),
+            join_terms((row, i, j, 1.0)),
         )
-        first, between, last, amount = violated_triples(earlier, taken, _TIE_VIOLATION)
+        first, between, last, amount = find_violated_triples(earlier, taken, _TIE_VIOLATION)
         worst = np.argsort(-amount, kind="stable")[: 4 * _MOST]
         first, between, last = first[worst], between[worst], last[worst]
         row = np.arange(len(first))
@@ -450,7 +452,7 @@ class PairRelaxation:
         program.add(
             -np.ones(len(first)),
             (row[has], program.arc[first, last][has], -np.ones(int(has.sum()))),
-            terms_of(
+            join_terms(
                 (row, first, last, 1.0), (row, first, between, -1.0), (row, between, last, -1.0)
             ),
             np.stack((first, between, last), axis=1),
@@ -483,7 +485,7 @@ class PairRelaxation:
             leave,
             reach,
             np.zeros(many),
-            terms_of(
+            join_terms(
                 (row, i, j, -1.0),
                 (cut[early], i[cut[early]], node[early], 1.0),
                 (cut[late], node[late], j[cut[late]], 1.0),

@@ -211,7 +211,7 @@ def _lift(side: Booleans, barred: Booleans, before: Booleans, i: int, j: int) ->
                         barred[other] = True
 
 
-def pairs_of(before: Booleans) -> tuple[Integers, Integers]:
+def select_pairs(before: Booleans) -> tuple[Integers, Integers]:
     """Return the pairs to separate for: with the first or the last node, and the others.
 
     Pairs with few nodes in between come first; shape (pairs, 2) both.
@@ -311,7 +311,7 @@ class SetUpCut(NamedTuple):
     number: int
 
 
-def set_up_cuts(instance: OrderingInstance) -> list[SetUpCut]:
+def find_set_up_cuts(instance: OrderingInstance) -> list[SetUpCut]:
     """Return the cuts of all families, and of each family against the others together.
 
     An instance without families has no such cuts.
@@ -327,7 +327,7 @@ def set_up_cuts(instance: OrderingInstance) -> list[SetUpCut]:
             np.where(families == NO_FAMILY, NO_FAMILY, families == family) for family in named
         ]
     for split in splits:
-        number = least_changes(split, instance.before)
+        number = count_changes(split, instance.before)
         if number:
             of_some = split != NO_FAMILY
             apart = split[:, None] != split
@@ -335,7 +335,7 @@ def set_up_cuts(instance: OrderingInstance) -> list[SetUpCut]:
     return cuts
 
 
-def least_changes(families: Integers, before: Booleans) -> int:
+def count_changes(families: Integers, before: Booleans) -> int:
     """Return a lower bound on the number of changes between families.
 
     It is the least number itself, unless too many sets of nodes would have to be enumerated.
@@ -353,24 +353,24 @@ def least_changes(families: Integers, before: Booleans) -> int:
     able = {own: [j for j in nodes if families[j] in (own, NO_FAMILY)] for own in named}
     full = (1 << len(families)) - 1
     first = int(families[0])
-    layer = {first: [_all_done(0, able[first], needs)]}
+    layer = {first: [_extend_set(0, able[first], needs)]}
     changes = looked = 0
     while not any(done == full for sets in layer.values() for done in sets):
         following: dict[int, list[int]] = {}
         for own, sets in layer.items():
             for other in named:
                 if other != own:
-                    grown = [_all_done(done, able[other], needs) for done in sets]
+                    grown = [_extend_set(done, able[other], needs) for done in sets]
                     looked += len(grown)
                     following.setdefault(other, []).extend(grown)
         changes += 1
         if looked > _MOST_SETS:
             break
-        layer = {own: _largest(sets) for own, sets in following.items()}
+        layer = {own: _select_maximal(sets) for own, sets in following.items()}
     return changes
 
 
-def _all_done(done: int, able: list[int], needs: list[int]) -> int:
+def _extend_set(done: int, able: list[int], needs: list[int]) -> int:
     """Return a set of nodes with all nodes that can follow without another change."""
     while True:
         more = done
@@ -382,7 +382,7 @@ def _all_done(done: int, able: list[int], needs: list[int]) -> int:
         done = more
 
 
-def _largest(sets: list[int]) -> list[int]:
+def _select_maximal(sets: list[int]) -> list[int]:
     """Return the maximal sets."""
     kept: list[int] = []
     for members in sorted(set(sets), key=int.bit_count, reverse=True):

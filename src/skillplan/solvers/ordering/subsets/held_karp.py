@@ -110,7 +110,7 @@ class Limits(NamedTuple):
     whole: bool
 
 
-def first_layer(words: int) -> Layer:
+def make_first_layer(words: int) -> Layer:
     """Return the single label that has visited node 0, with a set of some words."""
     sets = np.zeros((1, words), dtype=np.uint64)
     sets[0, 0] = 1
@@ -395,7 +395,7 @@ def meet(
 
 
 @compiled
-def words_of(relation: NDArray[np.bool_]) -> NDArray[np.uint64]:
+def pack_words(relation: NDArray[np.bool_]) -> NDArray[np.uint64]:
     """Return the columns of a relation as bit sets, shape (n, words)."""
     n = len(relation)
     words = np.zeros((n, (n + 63) // 64), dtype=np.uint64)

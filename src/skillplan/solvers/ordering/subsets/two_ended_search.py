@@ -18,21 +18,21 @@ import numpy as np
 
 from skillplan.solvers.kernels import compiled
 from skillplan.solvers.ordering.instance import NO_ARC, Booleans, Floats, Integers, OrderingInstance
-from skillplan.solvers.ordering.relaxation.cut_relaxation import Duals, charges_of
+from skillplan.solvers.ordering.relaxation.cut_relaxation import Duals, build_charges
 from skillplan.solvers.ordering.subsets.held_karp import (
     Ahead,
     Arcs,
     Layer,
     Limits,
     expand,
-    first_layer,
+    make_first_layer,
     meet,
-    words_of,
+    pack_words,
 )
 
 
 @compiled
-def memory_tables(
+def build_memory_tables(
     tails: Integers, heads: Integers, near: Integers, before: Booleans
 ) -> tuple[Integers, Integers]:
     """Return the memory at an arc's tail by memory at its head, and the bits that bar the arc.
@@ -102,7 +102,7 @@ def backward(
     first
         First arc into each node, shape (n + 1,).
     moved, bars
-        See `memory_tables`.
+        See `build_memory_tables`.
     slot
         Row of a position and a node, -1 if impossible, shape (n, n).
     memories
@@ -179,7 +179,7 @@ class CompletionBounds:
         arcs = int(np.isfinite(duals.reduced).sum())
         while bits and (arcs * n) << bits > _MOST_STEPS:
             bits -= 1
-        self.near = _neighbours(duals.reduced, min(bits, n - 1))
+        self.near = _find_neighbours(duals.reduced, min(bits, n - 1))
         before = instance.before
         positions = np.arange(n)[:, None]
         possible = (positions >= before.sum(axis=0)) & (positions < n - before.sum(axis=1))
@@ -187,14 +187,14 @@ class CompletionBounds:
             possible, np.cumsum(possible).reshape(possible.shape) - 1, -1
         )
         heads, tails = np.nonzero(np.isfinite(duals.reduced.T))
-        moved, bars = memory_tables(tails, heads, self.near, before)
+        moved, bars = build_memory_tables(tails, heads, self.near, before)
         first = np.searchsorted(heads, np.arange(n + 1))
         costs = duals.reduced[tails, heads]
         self.ahead: Floats = backward(tails, costs, first, moved, bars, self.slot, moved.shape[1])
         spread(self.ahead, self.near.shape[1])
 
 
-def _neighbours(reduced: Floats, bits: int) -> Integers:
+def _find_neighbours(reduced: Floats, bits: int) -> Integers:
     """Return the cheapest neighbours of every node, in both directions."""
     apart = reduced + reduced.T
     np.fill_diagonal(apart, np.inf)
@@ -227,7 +227,7 @@ class _Strand(Generic[R]):
             self.error = error
 
 
-def side_by_side(tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
+def run_in_parallel(tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
     """Run tasks in threads; return their results in the order of the tasks.
 
     Parameters
@@ -299,10 +299,10 @@ class _End:
             heads,
             np.ascontiguousarray(instance.costs[tails, heads]),
             np.ascontiguousarray(duals.reduced[tails, heads]),
-            words_of(instance.before),
+            pack_words(instance.before),
         )
-        self.charges = charges_of(duals)
-        start = first_layer(self.arcs.preds.shape[1])
+        self.charges = build_charges(duals)
+        start = make_first_layer(self.arcs.preds.shape[1])
         # If one end was not searched, the other has to search all layers.
         self.layers = [start]
         self.budget = 0.0
@@ -399,7 +399,7 @@ class TwoEndedSearch:
         self.duals = duals
         self.cutoff = cutoff
         # Without a known order, an upper bound on all orders replaces the cutoff.
-        self.most = min(cutoff, max(_beyond(instance), duals.bound + 1.0))
+        self.most = min(cutoff, max(_bound_above(instance), duals.bound + 1.0))
         self.room = self.most - duals.bound
         self.threads = threads
         ahead = partial(_End, instance, duals, self.most, strict=False)
@@ -415,7 +415,7 @@ class TwoEndedSearch:
     def _each(self, tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
         """Run tasks of both ends, in parallel if there are threads; return the results."""
         if self.threads > 1:
-            return side_by_side(tasks, stop)
+            return run_in_parallel(tasks, stop)
         return [task(stop) for task in tasks]
 
     def run(self, labels: int, stop: Stop) -> Meeting:
@@ -492,7 +492,7 @@ class TwoEndedSearch:
         return lowest if whole else min(lowest, self.duals.bound + budget)
 
 
-def _beyond(instance: OrderingInstance) -> float:
+def _bound_above(instance: OrderingInstance) -> float:
     """Return an upper bound on the cost of every order."""
     used = np.where(instance.costs < NO_ARC, instance.costs, 0.0)
     return 1.0 + 1.001 * float(used.max(axis=1).sum())
@@ -538,7 +538,7 @@ class Beam:
     generated: int
 
 
-def beam(
+def run_beam(
     instance: OrderingInstance,
     duals: Duals,
     cutoff: float,
@@ -570,11 +570,11 @@ def beam(
         heads,
         instance.costs[tails, heads],
         duals.reduced[tails, heads],
-        words_of(instance.before),
+        pack_words(instance.before),
     )
-    charges = charges_of(duals)
+    charges = build_charges(duals)
     limits = Limits(room, False, room, width, False)
-    labels = first_layer(arcs.preds.shape[1])
+    labels = make_first_layer(arcs.preds.shape[1])
     history = []
     lowest, generated = np.inf, 0
     for layer in range(1, n):
