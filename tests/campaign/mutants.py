@@ -188,7 +188,7 @@ MUTANTS = [
     Mutant(
         "kept verdicts are believed without their checksum",
         "checks/verdict_files.py",
-        'if content["format"] != FORMAT or checksum != content_hash(content):',
+        'if content["format"] != FORMAT or checksum != hash_content(content):',
         'if content["format"] != FORMAT:',
         "inputs",
         "verdict",
