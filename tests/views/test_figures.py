@@ -515,7 +515,7 @@ class TestRewards:
 
     def test_what_cannot_be_drawn_is_refused(self):
         """No step, or an action that nobody knows."""
-        with pytest.raises(ValueError, match="no step"):
+        with pytest.raises(ValueError, match="No step"):
             draw_rewards([], ["B0"], HEADING)
         with pytest.raises(ValueError, match="'B9' is none"):
             draw_rewards([RewardStep("t", "B9", "", 0.0)], ["B0"], HEADING)
@@ -577,7 +577,7 @@ class TestLearning:
         """And a figure at least one panel."""
         with pytest.raises(ValueError, match="1 to 2 curves, not 0"):
             LearningPanel("p", ())
-        with pytest.raises(ValueError, match="no learning curve"):
+        with pytest.raises(ValueError, match="No learning curve"):
             draw_learning([], HEADING)
 
 
@@ -600,7 +600,7 @@ class TestQValues:
             StateValues("C1", {})
         with pytest.raises(ValueError, match="not a value for each"):
             draw_q_values([1, 2], [StateValues("C1", {"B0": [0.0]})], HEADING)
-        with pytest.raises(ValueError, match="no state"):
+        with pytest.raises(ValueError, match="No state"):
             draw_q_values([1], [], HEADING)
 
 
