@@ -23,13 +23,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from cad_fixtures import box, part_of, step_path
-from skillplan_cad.build_relation import blocked_of, joints_of, relation_of
+from skillplan_cad.build_relation import assemble_relation, find_blocked, find_joints
 from skillplan_cad.importing.findings import Confirmation
 from skillplan_cad.planning.assembly_plan import Planner
 from skillplan_cad.planning.replay import replay
 from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.reading.product_reader import ReadOptions, read_product
-from skillplan_cad.writing.task_document import task_of
+from skillplan_cad.writing.task_document import build_task
 
 COPIES = (2, 5, 16)
 TOLERANCE_M = 1e-4
@@ -87,16 +87,16 @@ def stages_s(product: Product) -> tuple[dict[str, float], Any]:
         took[stage] = time.perf_counter() - begin_s
         return made
 
-    joints = timed("joints", lambda: joints_of(product, TOLERANCE_M, "axes", "unscrew"))
+    joints = timed("joints", lambda: find_joints(product, TOLERANCE_M, "axes", "unscrew"))
     directions = joints.directions
-    blocked = timed("blocking", lambda: blocked_of(product, directions, TOLERANCE_M))
+    blocked = timed("blocking", lambda: find_blocked(product, directions, TOLERANCE_M))
     touching = [one.parts for one in joints.contacts if one.kind != "thread"]
     confirmation = Confirmation(product, TOLERANCE_M)
     timed("confirming", lambda: confirmation.doubts(blocked.entries, touching, directions))
-    relation = relation_of(product, joints, blocked, TOLERANCE_M, "unscrew")
+    relation = assemble_relation(product, joints, blocked, TOLERANCE_M, "unscrew")
     plan = timed("planning", lambda: Planner(product, relation, TOLERANCE_M).plan())
     timed("replaying", lambda: replay(product, relation, plan, TOLERANCE_M))
-    timed("writing", lambda: task_of(product, relation, plan))
+    timed("writing", lambda: build_task(product, relation, plan))
     return took, plan
 
 

@@ -9,7 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from skillplan_cad import Product, ReadOptions, blocked_of, joints_of, read_product, relation_of
+from skillplan_cad import (
+    Product,
+    ReadOptions,
+    assemble_relation,
+    find_blocked,
+    find_joints,
+    read_product,
+)
 
 FIXTURES = Path(__file__).parents[2] / "plugins/skillplan-cad/tests/fixtures"
 AXES = ((1.0, 0, 0), (-1.0, 0, 0), (0, 1.0, 0), (0, -1.0, 0), (0, 0, 1.0), (0, 0, -1.0))
@@ -35,9 +42,9 @@ def product(name: str, chord_mm: float = 0.05) -> Product:
 
 def related(product: Product, tolerance_mm: float = 0.1, source="axes", threads="unscrew"):
     """Return the relation of a product."""
-    joints = joints_of(product, tolerance_mm / 1000, source, threads)
-    blocked = blocked_of(product, joints.directions, tolerance_mm / 1000)
-    return relation_of(product, joints, blocked, tolerance_mm / 1000, threads)
+    joints = find_joints(product, tolerance_mm / 1000, source, threads)
+    blocked = find_blocked(product, joints.directions, tolerance_mm / 1000)
+    return assemble_relation(product, joints, blocked, tolerance_mm / 1000, threads)
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cad_fixtures import box, part_of, relation_by_hand
-from skillplan_cad import Planner, Product, with_groups
+from skillplan_cad import Planner, Product, add_groups
 
 TUNNEL = box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 15, 9)
 BOTH = {"body": "key", "key": "body"}
@@ -46,7 +46,7 @@ def test_what_is_stuck_is_named_with_the_word_and_with_what_is_in_its_way():
     assert stuck.search.outcome in ("closed", "budget spent")
     assert [met.part for met in stuck.search.in_the_way] == ["body"]
     assert not plan.complete
-    marked = with_groups(relation, plan)
+    marked = add_groups(relation, plan)
     assert marked.stuck == ("key",)
     assert marked.groups == (("body", "key"),)
 

@@ -22,7 +22,7 @@ from cad_products import file
 from skillplan.cli import run
 from skillplan.errors import OptionError
 from skillplan.plugins import installed
-from skillplan_cad import Part, RayMesh, ReadOptions, parts_of, read_product
+from skillplan_cad import Part, RayMesh, ReadOptions, read_parts, read_product
 from skillplan_cad.importing import import_cad
 from skillplan_cad.reading import step_file
 from thinned import release_case
@@ -319,21 +319,21 @@ def glb(nodes, numbers=()):
 def test_what_occt_makes_of_nests_bombs_and_odd_numbers_is_refused():
     """Parts of a tree are read from its root on, however deep it is."""
     nest = [{"name": "a", "children": [number + 1]} for number in range(3000)]
-    _, parts = parts_of(glb([*nest, {"mesh": 0, "name": "b"}]))
+    _, parts = read_parts(glb([*nest, {"mesh": 0, "name": "b"}]))
     assert [(part.name, len(part.path)) for part in parts] == [("b", 3000)]
     nest = [{"name": "a" * 9, "children": [number + 1]} for number in range(3000)]
     with pytest.raises(ValueError, match=r"1000 assemblies deep, .* more than 10,000 characters"):
-        parts_of(glb([*nest, {"mesh": 0}]))
+        read_parts(glb([*nest, {"mesh": 0}]))
     # Each level holds the next one twice: 2 to the power of 30 parts.
     laughs = [{"children": [number + 1, number + 1]} for number in range(30)]
     with pytest.raises(ValueError, match="holds more than 2,000 parts"):
-        parts_of(glb([*laughs, {"mesh": 0}]))
+        read_parts(glb([*laughs, {"mesh": 0}]))
     for document in (
         glb([{"mesh": 0, "translation": [math.nan, 0, 0]}]),
         glb([{"mesh": 0}], [math.inf] * 9),
     ):
         with pytest.raises(ValueError, match="that are not finite"):
-            parts_of(document)
+            read_parts(document)
 
 
 def test_more_parts_than_a_process_has_keys_for_devices_are_traced():
@@ -361,7 +361,7 @@ def test_any_step_file_is_handed_to_occt_or_refused_in_words(pieces):
     with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         path = Path(folder, "odd.step")
         path.write_bytes(b"ISO-10303-21;\nDATA;\n" + b"".join(pieces) + END)
-        patch.setattr(step_file, "tessellated", lambda path, content, chord_m: glb([{"mesh": 0}]))
+        patch.setattr(step_file, "tessellate", lambda path, content, chord_m: glb([{"mesh": 0}]))
         refusal, parts = "", ()
         try:
             parts = step_file.read_step(path, 1e-4).parts

@@ -16,11 +16,11 @@ from skillplan_cad import (
     Face,
     Planner,
     Product,
-    attitude,
-    attitude_warnings,
-    bearing_of,
-    best_bearing,
-    task_of,
+    build_task,
+    choose_attitude,
+    find_bearing,
+    find_best_bearing,
+    list_attitude_warnings,
 )
 
 UP = ATTITUDES["z"]
@@ -37,7 +37,7 @@ def product_of(**solids):
 
 def borne(product, up=UP):
     """Return what bears the parts of a product."""
-    return bearing_of(product, related(product), up)
+    return find_bearing(product, related(product), up)
 
 
 def test_parts_stand_on_the_table_and_on_what_stands():
@@ -76,13 +76,13 @@ def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_mor
         post=box(10, 20, 20, 60, 40, 40),
         cap=box(60, 20, 20, 70, 40, 40),
     )
-    bearing = best_bearing(lying, related(lying))
+    bearing = find_best_bearing(lying, related(lying))
     assert (bearing.up, bearing.order) == (ATTITUDES["x"], ("plate", "post", "cap"))
     flat = borne(lying)
     assert flat.order == ("post", "cap")
     assert "stands lower than all others" in flat.why_not["plate"]
     standing = product_of(plate=PLATE, sleeve=SLEEVE)
-    assert best_bearing(standing, related(standing)).up == UP
+    assert find_best_bearing(standing, related(standing)).up == UP
 
 
 def test_a_round_part_that_lies_does_not_stand_on_the_chord_beneath_it():
@@ -93,7 +93,7 @@ def test_a_round_part_that_lies_does_not_stand_on_the_chord_beneath_it():
     shaft = replace(shaft, faces=(Face("cylinder", wall, radius_m=0.005),))
     known = related(product_of(shaft=rod(0, 0, 0, 5, 60), plate=PLATE))
     alone = Product("one", (shaft,), "mm", 0.0)
-    sides = {name: bearing_of(alone, known, up).order for name, up in ATTITUDES.items()}
+    sides = {name: find_bearing(alone, known, up).order for name, up in ATTITUDES.items()}
     assert [name for name, order in sides.items() if order] == ["z", "-z"]
 
 
@@ -102,8 +102,8 @@ def rammed():
     """A task of three parts of which one is held by its fit alone."""
     product = product_of(plate=PLATE, sleeve=SLEEVE, ram=RAM)
     known = related(product)
-    bearing = bearing_of(product, known, UP)
-    return task_of(product, known, Planner(product, known).plan(), bearing=bearing)
+    bearing = find_bearing(product, known, UP)
+    return build_task(product, known, Planner(product, known).plan(), bearing=bearing)
 
 
 def test_what_is_not_borne_is_left_out_of_the_task_with_the_reason_in_the_file(rammed):
@@ -123,8 +123,8 @@ def test_what_is_not_borne_is_left_out_of_the_task_with_the_reason_in_the_file(r
 @pytest.mark.slow(reason="reads a product; what its fit holds is left out in every run")
 def test_what_floats_or_comes_round_a_corner_is_left_out(name, left_out):
     product, known = fixture(name), relation(name)
-    plan, bearing = Planner(product, known).plan(), best_bearing(product, known)
-    assert list(task_of(product, known, plan, bearing=bearing).left_out) == left_out
+    plan, bearing = Planner(product, known).plan(), find_best_bearing(product, known)
+    assert list(build_task(product, known, plan, bearing=bearing).left_out) == left_out
 
 
 def test_what_check_refuses_is_left_out_with_its_words():
@@ -132,7 +132,7 @@ def test_what_check_refuses_is_left_out_with_its_words():
     product = product_of(plate=PLATE, balloon=box(20, 20, 40, 40, 40, 50))
     known = related(product)
     wrong = Bearing(UP, ("plate", "balloon"), {"plate": (), "balloon": ("plate",)})
-    task = task_of(product, known, Planner(product, known).plan(), bearing=wrong)
+    task = build_task(product, known, Planner(product, known).plan(), bearing=wrong)
     assert list(task.document["parts"]) == ["plate"]
     assert task.left_out["balloon"].startswith("is refused: 'balloon' floats 30.0 mm above")
     assert task.faults == ()
@@ -143,11 +143,11 @@ def test_where_nothing_stands_all_parts_are_in_the_task_and_a_warning_says_so():
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     known = related(product)
     none = Bearing(UP, (), {}, {"plate": "rolls", "sleeve": "rolls"})
-    task = task_of(product, known, Planner(product, known).plan(), bearing=none)
+    task = build_task(product, known, Planner(product, known).plan(), bearing=none)
     assert list(task.document["parts"]) == ["plate", "sleeve"]
     assert task.limits == {"plate": ("rolls",), "sleeve": ("rolls",)}
     assert "# Beware: sleeve rolls.\n" in task.files["product.yaml"]
-    message = attitude_warnings(product, known, none, "z")
+    message = list_attitude_warnings(product, known, none, "z")
     assert message[0] == ("with z up 0 of 2 parts stand by themselves; with --up z it would be 2.")
     assert "no part stands on a level face" in message[1]
 
@@ -155,11 +155,11 @@ def test_where_nothing_stands_all_parts_are_in_the_task_and_a_warning_says_so():
 def test_another_side_up_than_z_is_told_and_so_is_a_better_one_than_was_asked_for():
     lying = product_of(plate=box(0, 0, 0, 10, 60, 60), post=box(10, 20, 20, 60, 40, 40))
     known = related(lying)
-    result = attitude(lying, known, "auto")
-    (chosen,) = attitude_warnings(lying, known, result, "auto")
+    result = choose_attitude(lying, known, "auto")
+    (chosen,) = list_attitude_warnings(lying, known, result, "auto")
     assert chosen.startswith("x points up, as then 2 of 2 parts stand by themselves")
-    choice = attitude(lying, known, "z")
-    (better,) = attitude_warnings(lying, known, choice, "z")
+    choice = choose_attitude(lying, known, "z")
+    (better,) = list_attitude_warnings(lying, known, choice, "z")
     assert better.endswith("1 of 2 parts stand by themselves; with --up x it would be 2.")
 
 
@@ -167,8 +167,8 @@ def test_another_side_up_than_z_is_told_and_so_is_a_better_one_than_was_asked_fo
 def test_turned_over_what_bears_the_others_comes_first():
     """A dovetail on its slide, and a plate on its edge, beside which all else hangs."""
     product, known = fixture("dovetail"), relation("dovetail")
-    assert bearing_of(product, known, ATTITUDES["-z"]).order == ("slide", "rail")
+    assert find_bearing(product, known, ATTITUDES["-z"]).order == ("slide", "rail")
     product, known = fixture("mirrored"), relation("mirrored")
-    bearing = bearing_of(product, known, ATTITUDES["x"])
+    bearing = find_bearing(product, known, ATTITUDES["x"])
     assert bearing.order == ("plate",)
     assert sorted(bearing.why_not) == ["left_1", "left_2", "right"]

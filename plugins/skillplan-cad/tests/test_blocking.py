@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from cad_products import ALONG, links, moved, product, related, relation, true_links, truth
-from skillplan_cad import Confirmation, ReadOptions, blocked_of, read_product
+from skillplan_cad import Confirmation, ReadOptions, find_blocked, read_product
 from thinned import thinned
 
 SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")
@@ -66,7 +66,7 @@ def test_a_product_turned_in_space_has_the_same_links(name):
     turn = turned((17, 31, 43))
     whole = moved(product(name), turn)
     directions = [tuple(sign * row) for row in turn.T for sign in (1, -1)]
-    entries = blocked_of(whole, directions, 1e-4).entries
+    entries = find_blocked(whole, directions, 1e-4).entries
     for axis, number in ALONG.items():
         results = {(entry.part, entry.by) for entry in entries if entry.direction == number}
         assert true_links(name, axis) == results
@@ -88,7 +88,7 @@ def test_a_link_far_narrower_than_the_parts_is_found(tmp_path, degrees):
     rail.export(tmp_path / "rail.stl")
     turn = turned(degrees)
     whole = moved(read_product(tmp_path, ReadOptions(unit="mm")), turn)
-    result = blocked_of(whole, [tuple(turn[:, 2]), tuple(-turn[:, 2])], 1e-4).entries
+    result = find_blocked(whole, [tuple(turn[:, 2]), tuple(-turn[:, 2])], 1e-4).entries
     assert {("lid", "rail", 1), ("rail", "lid", 0)} == {
         (item.part, item.by, item.direction) for item in result
     }
@@ -139,7 +139,7 @@ def test_processes_change_nothing():
     """Whichever answers first."""
     whole = product("threads")
     directions = relation("threads").directions
-    alone, together = (blocked_of(whole, directions, 1e-4, jobs=jobs) for jobs in (1, 3))
+    alone, together = (find_blocked(whole, directions, 1e-4, jobs=jobs) for jobs in (1, 3))
     assert alone == together
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cad_fixtures import box, part_of, rod
-from skillplan_cad import Face, free_path, shrunk
+from skillplan_cad import Face, find_free_path, shrink_mesh
 
 TUNNEL = box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 15, 9)
 L_TUNNEL = TUNNEL - box(25, 5, 3, 35, 40, 9)
@@ -26,7 +26,7 @@ ROUND = Face(
 
 
 def test_two_moves_free_a_key_from_an_l_shaped_tunnel():
-    path = free_path([part_of("key", KEY)], [part_of("body", L_TUNNEL)])
+    path = find_free_path([part_of("key", KEY)], [part_of("body", L_TUNNEL)])
     assert (path.outcome, path.turned) == ("free", False)
     first, second = (np.asarray(move.offset_m) for move in path.moves)
     # To where the tunnel bends, and out of it.
@@ -38,13 +38,13 @@ def test_two_moves_free_a_key_from_an_l_shaped_tunnel():
 
 def test_a_key_as_wide_as_its_tunnel_finds_the_one_place_where_it_goes_on():
     tight = box(0, 0, 0, 40, 40, 12) - box(5, 6, 3, 35, 14, 9) - box(26, 6, 3, 34, 40, 9)
-    path = free_path([part_of("key", KEY)], [part_of("body", tight)])
+    path = find_free_path([part_of("key", KEY)], [part_of("body", tight)])
     assert path.outcome == "free"
     assert path.moves[0].offset_m[0] == pytest.approx(0.020, abs=2e-4)
 
 
 def test_a_key_in_a_closed_tunnel_is_closed_in_and_the_body_is_named_with_a_point():
-    path = free_path([part_of("key", KEY)], [part_of("body", TUNNEL)], turns=False)
+    path = find_free_path([part_of("key", KEY)], [part_of("body", TUNNEL)], turns=False)
     assert path.outcome == "closed"
     (met,) = path.in_the_way
     assert met.part == "body"
@@ -53,19 +53,19 @@ def test_a_key_in_a_closed_tunnel_is_closed_in_and_the_body_is_named_with_a_poin
 
 
 def test_a_budget_that_is_spent_says_so():
-    path = free_path([part_of("key", KEY)], [part_of("body", L_TUNNEL)], budget=3, turns=False)
+    path = find_free_path([part_of("key", KEY)], [part_of("body", L_TUNNEL)], budget=3, turns=False)
     assert (path.outcome, path.iterations, path.moves) == ("budget spent", 3, ())
 
 
 def test_links_of_a_chain_are_closed_by_translations():
     links = part_of("upright", UPRIGHT), part_of("lying", LYING)
-    path = free_path([links[0]], [links[1]], turns=False)
+    path = find_free_path([links[0]], [links[1]], turns=False)
     assert path.outcome == "closed"
 
 
 @pytest.mark.slow(reason="3 s of turns; that translations lead nowhere is left in every run")
 def test_a_quarter_turn_frees_a_bayonet():
-    path = free_path([part_of("shaft", SHAFT, [ROUND])], [part_of("bush", BAYONET)])
+    path = find_free_path([part_of("shaft", SHAFT, [ROUND])], [part_of("bush", BAYONET)])
     assert (path.outcome, path.turned) == ("free", True)
     turn, lift = path.moves
     assert turn.angle_rad == pytest.approx(-np.pi / 2)
@@ -76,11 +76,11 @@ def test_a_quarter_turn_frees_a_bayonet():
 @pytest.mark.slow(reason="6 s of turns; that translations lead nowhere is left in every run")
 def test_links_of_a_chain_are_closed_by_turns_too():
     links = part_of("upright", UPRIGHT), part_of("lying", LYING)
-    path = free_path([links[0]], [links[1]])
+    path = find_free_path([links[0]], [links[1]])
     assert (path.outcome, path.turned) == ("closed", True)
 
 
 def test_a_shrunk_box_is_smaller_by_the_inset_on_each_side():
     part = part_of("key", KEY)
-    points = shrunk(part.vertices_m, part.triangles, 1e-4)
+    points = shrink_mesh(part.vertices_m, part.triangles, 1e-4)
     assert np.ptp(points, axis=0) == pytest.approx([0.0078, 0.0078, 0.0058], abs=1e-7)

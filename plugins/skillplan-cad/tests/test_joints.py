@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cad_products import moved, product, relation, truth
-from skillplan_cad import joints_of
+from skillplan_cad import find_joints
 from thinned import thinned
 
 NAMES = (
@@ -33,7 +33,7 @@ def joints():
 
     def found(name):
         if name not in kept:
-            kept[name] = joints_of(product(name), 1e-4, "axes", "unscrew")
+            kept[name] = find_joints(product(name), 1e-4, "axes", "unscrew")
         return kept[name]
 
     return found
@@ -63,7 +63,7 @@ def test_screws_without_a_name_are_known_by_head_and_drive(name):
     )
     results = {
         fastener.part: fastener.kind
-        for fastener in joints_of(plain, 1e-4, "axes", "unscrew").fasteners
+        for fastener in find_joints(plain, 1e-4, "axes", "unscrew").fasteners
     }
     entries = {
         f"part {whole.index(part)}": about["kind"]
@@ -140,7 +140,7 @@ def test_what_floats_touches_nothing(joints):
 class TestDirections:
     def test_those_of_the_file_come_first_and_are_all_there_are_in_its_frame(self):
         """Cylinders along z add nothing."""
-        result = joints_of(product("threads"), 1e-4, "cylinders", "unscrew").directions
+        result = find_joints(product("threads"), 1e-4, "cylinders", "unscrew").directions
         assert len(result) == 6
         assert result[:2] == ((1, 0, 0), (-1, 0, 0))
 
@@ -148,14 +148,14 @@ class TestDirections:
         """In a turned product; of the file's axes y is square to its cylinders, too."""
         turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
         array = np.array(
-            joints_of(moved(product("threads"), turn), 1e-4, "cylinders", "unscrew").directions
+            find_joints(moved(product("threads"), turn), 1e-4, "cylinders", "unscrew").directions
         )
         assert len(array) == 10
         assert np.abs(array[6:] @ turn[:, 2]).max() == pytest.approx(1, abs=1e-6)
 
     def test_flat_contacts_add_their_normals_and_what_slides_on_two_of_them(self):
         """A dovetail slides along y, which is an edge of its contacts; its flanks are oblique."""
-        array = np.array(joints_of(product("dovetail"), 1e-4, "contacts", "unscrew").directions)
+        array = np.array(find_joints(product("dovetail"), 1e-4, "contacts", "unscrew").directions)
         assert len(array) > 6
         assert np.linalg.norm(array, axis=1) == pytest.approx(np.ones(len(array)))
 

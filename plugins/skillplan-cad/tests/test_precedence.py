@@ -6,14 +6,14 @@ import pytest
 
 from cad_fixtures import of_fixture, pen, relation_by_hand
 from skillplan_cad import (
-    as_set,
-    groups_of,
-    holds,
+    derive_precedence,
+    encode_set,
+    find_groups,
+    find_touching,
     is_connected,
-    members,
-    names_of,
-    precedence_of,
-    touching,
+    list_members,
+    list_names,
+    verify_lock,
 )
 
 # Two links of a chain in a box without a lid, and a lid on it.
@@ -26,21 +26,21 @@ CHAIN = {
 
 def test_the_pen_comes_together_in_114_orders_of_which_22_stay_connected():
     relation = pen()
-    precedence, touches = precedence_of(relation), touching(relation)
+    precedence, touches = derive_precedence(relation), find_touching(relation)
     assert precedence.orders() == 114
     assert precedence.orders(lambda parts: is_connected(parts, touches)) == 22
 
 
 def test_a_part_goes_where_all_that_blocks_it_that_way_is_absent():
-    precedence = precedence_of(pen())
+    precedence = derive_precedence(pen())
     body, button = 4, 5
     assert not precedence.is_free(body, precedence.everything)
-    assert precedence.free_directions(body, as_set([body, button])) == (1,)
+    assert precedence.free_directions(body, encode_set([body, button])) == (1,)
     assert precedence.free_directions(button, precedence.everything) == (0,)
 
 
 def test_minimal_alternatives_ask_for_nothing_that_another_does_without():
-    precedence = precedence_of(pen())
+    precedence = derive_precedence(pen())
     for part in range(len(precedence.names)):
         minimal = precedence.minimal(part)
         assert minimal
@@ -53,16 +53,16 @@ def test_minimal_alternatives_ask_for_nothing_that_another_does_without():
     "name", ["bracket", "mirrored", "nested", "dovetail", "eight", "fastened", "threads"]
 )
 def test_fixtures_that_come_apart_leave_no_core(name):
-    precedence = precedence_of(of_fixture(name))
+    precedence = derive_precedence(of_fixture(name))
     assert precedence.core().bit_count() == 1
 
 
 def test_a_group_that_only_moves_as_one_is_a_subassembly():
     relation = relation_by_hand(["box", "a", "b", "lid"], CHAIN)
-    precedence = precedence_of(relation)
-    groups = groups_of(relation, precedence, fixed=1)
-    assert names_of(groups.core, precedence) == ("box", "a", "b")
-    assert [names_of(subassembly, precedence) for subassembly in groups.subassemblies] == [
+    precedence = derive_precedence(relation)
+    groups = find_groups(relation, precedence, fixed=1)
+    assert list_names(groups.core, precedence) == ("box", "a", "b")
+    assert [list_names(subassembly, precedence) for subassembly in groups.subassemblies] == [
         ("a", "b")
     ]
     assert relation.directions[groups.splits[0].direction] == (0.0, 0.0, 1.0)
@@ -70,21 +70,21 @@ def test_a_group_that_only_moves_as_one_is_a_subassembly():
 
 def test_what_is_locked_comes_with_a_proof_that_can_be_checked():
     relation = relation_by_hand(["box", "a", "b", "lid"], CHAIN)
-    (lock,) = groups_of(relation, precedence_of(relation), fixed=1).locks
-    assert names_of(lock.parts, precedence_of(relation)) == ("a", "b")
-    assert holds(lock, relation)
-    assert not holds(lock, pen())
+    (lock,) = find_groups(relation, derive_precedence(relation), fixed=1).locks
+    assert list_names(lock.parts, derive_precedence(relation)) == ("a", "b")
+    assert verify_lock(lock, relation)
+    assert not verify_lock(lock, pen())
 
 
 @pytest.mark.parametrize("name", ["l_slot", "bayonet", "interlocked"])
 def test_pairs_that_no_straight_move_takes_apart_are_locked(name):
     relation = of_fixture(name)
-    (lock,) = groups_of(relation, precedence_of(relation)).locks
-    assert list(members(lock.parts)) == [0, 1]
-    assert holds(lock, relation)
+    (lock,) = find_groups(relation, derive_precedence(relation)).locks
+    assert list(list_members(lock.parts)) == [0, 1]
+    assert verify_lock(lock, relation)
 
 
 def test_a_pair_past_which_a_path_was_found_locks_nothing():
     relation = of_fixture("l_slot")
     waived = frozenset({("key", "body"), ("body", "key")})
-    assert precedence_of(relation, waived).core().bit_count() == 1
+    assert derive_precedence(relation, waived).core().bit_count() == 1

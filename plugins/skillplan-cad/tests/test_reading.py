@@ -15,11 +15,11 @@ from skillplan_cad import (
     Limits,
     RawPart,
     ReadOptions,
-    mended,
+    find_shapes,
+    mend,
     prepare,
-    read_apart,
+    read_in_process,
     read_product,
-    shapes_of,
 )
 from thinned import slow_case, thinned
 
@@ -211,7 +211,7 @@ class TestOcctApart:
         """As a fault in its memory is."""
         path = tmp_path / "cursed.step"
         with pytest.raises(OptionError, match=r"cursed\.step: OCCT crashed on it \(signal 11\)"):
-            read_apart(path, signal.raise_signal, signal.SIGSEGV, Limits(60))
+            read_in_process(path, signal.raise_signal, signal.SIGSEGV, Limits(60))
 
     @pytest.mark.parametrize(
         ("limits", "words"),
@@ -228,7 +228,7 @@ class TestOcctApart:
         """Time or memory."""
         content = gzip.decompress(file("threads").read_bytes())
         with pytest.raises(OptionError, match=words):
-            read_apart(tmp_path / "long.step", prepare, (content, 5e-5), limits)
+            read_in_process(tmp_path / "long.step", prepare, (content, 5e-5), limits)
 
 
 class TestMending:
@@ -237,7 +237,7 @@ class TestMending:
         mesh = box()
         loose = mesh.triangles.reshape(-1, 3)
         triangles = np.arange(len(loose)).reshape(-1, 3)[:, ::-1]
-        result = mended(RawPart("cube", (), loose, triangles))
+        result = mend(RawPart("cube", (), loose, triangles))
         assert result.open_edges == 0
         assert len(result.part.vertices_m) == 8
         corners = result.part.vertices_m[result.part.triangles]
@@ -249,7 +249,7 @@ class TestMending:
         hollow = box((4, 4, 4))
         hollow.invert()
         both = trimesh.util.concatenate([box(), hollow])
-        result = mended(RawPart("cube", (), np.asarray(both.vertices), np.asarray(both.faces)))
+        result = mend(RawPart("cube", (), np.asarray(both.vertices), np.asarray(both.faces)))
         assert result.open_edges == 0
         assert result.bodies.max() == 0
 
@@ -266,6 +266,6 @@ def test_shapes_are_found_whatever_their_place_and_tessellation():
         faces = np.asarray(wedge.faces)[:, ::-1] if number == 2 else np.asarray(wedge.faces)
         points = np.asarray(wedge.vertices) @ turn.T + generator.random(3)
         parts.append(RawPart(str(number), (), points, faces))
-    shapes, mirrors = shapes_of(parts, 0.0)
+    shapes, mirrors = find_shapes(parts, 0.0)
     assert shapes.tolist() == [0, 0, 1]
     assert mirrors == {1: 0}

@@ -15,8 +15,8 @@ from skillplan_cad import (
     Relation,
     RelationPart,
     Sensitive,
+    format_relation,
     read_relation,
-    relation_text,
 )
 
 X, MINUS_X, Y, MINUS_Y = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
@@ -57,10 +57,10 @@ def a_relation() -> Relation:
 def test_a_relation_is_read_as_it_was_written(tmp_path):
     """Nothing is lost, and the same relation makes the same bytes."""
     path = tmp_path / "relation.json"
-    path.write_text(relation_text(a_relation()), "utf-8")
+    path.write_text(format_relation(a_relation()), "utf-8")
     read = read_relation(path)
     assert a_relation() == read
-    assert relation_text(read) == path.read_text("utf-8")
+    assert format_relation(read) == path.read_text("utf-8")
 
 
 def test_blockers_are_looked_up_by_part_and_direction():
@@ -87,6 +87,6 @@ def test_two_parts_of_one_name_are_no_relation():
 def test_a_damaged_file_is_refused_in_words(tmp_path, old, new):
     """With its path, and what to do."""
     path = tmp_path / "relation.json"
-    path.write_text(relation_text(a_relation()).replace(old, new, 2), "utf-8")
+    path.write_text(format_relation(a_relation()).replace(old, new, 2), "utf-8")
     with pytest.raises(OptionError, match=r"relation\.json"):
         read_relation(path)

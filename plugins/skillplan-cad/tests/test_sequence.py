@@ -14,9 +14,9 @@ from skillplan_cad import (
     Relation,
     Sequencer,
     Stability,
-    as_set,
-    precedence_of,
-    touching,
+    derive_precedence,
+    encode_set,
+    find_touching,
 )
 
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
@@ -66,35 +66,35 @@ def bridge():
 
 
 def sequencer(product, relation, stability, tools=None):
-    precedence = precedence_of(relation)
+    precedence = derive_precedence(relation)
     tools = {product.index(name): tool for name, tool in (tools or {}).items()}
-    return Sequencer(precedence, relation.directions, touching(relation), stability, tools)
+    return Sequencer(precedence, relation.directions, find_touching(relation), stability, tools)
 
 
 def test_a_beam_stays_on_two_posts_and_not_on_one(bridge):
     product, _, stability = bridge
     beam = product.index("beam")
-    assert stability.stays(beam, as_set([0, 1, 2]), UP)
-    assert not stability.stays(beam, as_set([0, 1]), UP)
-    assert not stability.stays(beam, as_set([0]), UP)
+    assert stability.stays(beam, encode_set([0, 1, 2]), UP)
+    assert not stability.stays(beam, encode_set([0, 1]), UP)
+    assert not stability.stays(beam, encode_set([0]), UP)
 
 
 def test_a_hand_under_the_beam_holds_all_that_hangs_upside_down(bridge):
     product, _, stability = bridge
-    everything = as_set(range(4))
+    everything = encode_set(range(4))
     assert stability.must_be_held(everything, 0, UP) == ()
     assert stability.must_be_held(everything, 0, DOWN) == (product.index("beam"),)
 
 
 def test_a_product_on_a_narrow_foot_tips(bridge):
     stability = bridge[2]
-    assert not stability.tips(as_set([0, 1]), UP)
-    assert stability.tips(as_set([0, 1]), DOWN)
+    assert not stability.tips(encode_set([0, 1]), UP)
+    assert stability.tips(encode_set([0, 1]), DOWN)
 
 
 def test_the_cheapest_order_is_stable_connected_and_without_turns(bridge):
     product, relation, _ = bridge
-    sequence = sequencer(*bridge).sequence(as_set(range(4)), 0, UP)
+    sequence = sequencer(*bridge).sequence(encode_set(range(4)), 0, UP)
     assert sequence.cheapest
     assert [product.parts[part].name for part in sequence.assembly][-1] == "beam"
     assert sequence.turns == 0
@@ -107,7 +107,7 @@ def test_the_cheapest_order_is_stable_connected_and_without_turns(bridge):
 def test_tools_are_changed_as_seldom_as_precedence_allows(bridge):
     product, relation, stability = bridge
     tools = {"left": "cup", "right": "gripper", "beam": "cup"}
-    sequence = sequencer(product, relation, stability, tools).sequence(as_set(range(4)), 0, UP)
+    sequence = sequencer(product, relation, stability, tools).sequence(encode_set(range(4)), 0, UP)
     assert [removal.tool for removal in sequence.removals] == ["cup", "cup", "gripper"]
 
 

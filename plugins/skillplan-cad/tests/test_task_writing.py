@@ -14,16 +14,16 @@ from skillplan_cad import (
     Item,
     Planner,
     ReadOptions,
-    blocked_of,
-    joints_of,
+    assemble_relation,
+    assign_task_names,
+    build_task,
+    find_blocked,
+    find_joints,
+    find_top_grasp,
+    lay_out_table,
+    place_upright,
     read_product,
-    relation_of,
     replay,
-    standing,
-    task_names,
-    task_of,
-    top_grasp,
-    tray,
 )
 
 TOLERANCE_M = 1e-4
@@ -32,9 +32,9 @@ TOLERANCE_M = 1e-4
 def planned(name):
     """Return a product from STEP, its relation and its plan."""
     product = read_product(step_path(name), ReadOptions())
-    joints = joints_of(product, TOLERANCE_M, "axes", "unscrew")
-    blocked = blocked_of(product, joints.directions, TOLERANCE_M)
-    relation = relation_of(product, joints, blocked, TOLERANCE_M, "unscrew")
+    joints = find_joints(product, TOLERANCE_M, "axes", "unscrew")
+    blocked = find_blocked(product, joints.directions, TOLERANCE_M)
+    relation = assemble_relation(product, joints, blocked, TOLERANCE_M, "unscrew")
     return product, relation, Planner(product, relation).plan()
 
 
@@ -46,7 +46,7 @@ def eight():
 
 @pytest.fixture(scope="module")
 def written(eight):
-    return task_of(*eight)
+    return build_task(*eight)
 
 
 def test_the_plan_of_eight_parts_is_the_cheapest_and_needs_no_turn_and_no_second_hand(eight):
@@ -135,22 +135,22 @@ def test_shanks_of_screws_hang_clear_of_the_table_in_their_feeder(written):
 
 def test_the_file_is_what_the_document_says_and_the_same_every_time(eight, written):
     assert yaml.safe_load(written.files["product.yaml"]) == written.document
-    assert task_of(*eight).files == written.files
+    assert build_task(*eight).files == written.files
 
 
 def test_a_knob_is_a_mesh_of_its_own_by_which_the_part_is_held():
     part = part_of("drawer", box(0, 0, 0, 100, 90, 20) + box(10, 30, 20, 20, 50, 40))
-    held = top_grasp(part.vertices_m, part.triangles, opening_m=0.08)
+    held = find_top_grasp(part.vertices_m, part.triangles, opening_m=0.08)
     knob, below = (points for points, _ in held.meshes)
     assert np.ptp(knob, axis=0) == pytest.approx([0.010, 0.020, 0.020], abs=2e-5)
     assert np.ptp(below, axis=0) == pytest.approx([0.100, 0.090, 0.020], abs=2e-5)
     assert [grasp["closing_axis"] for grasp in held.grasps] == ["x", "y"]
-    assert top_grasp(below, part_of("b", box(0, 0, 0, 100, 90, 20)).triangles, 0.08) is None
+    assert find_top_grasp(below, part_of("b", box(0, 0, 0, 100, 90, 20)).triangles, 0.08) is None
 
 
 def test_a_tray_keeps_parts_apart_and_within_reach():
     items = [Item(f"part_{n}", (0.04, 0.03, 0.02)) for n in range(10)]
-    result = tray((0.12, 0.10, 0.05), items, reach_m=0.855)
+    result = lay_out_table((0.12, 0.10, 0.05), items, reach_m=0.855)
     assert result.without == ()
     places = list(result.places.values())
     for number, (x, y) in enumerate(places):
@@ -162,12 +162,12 @@ def test_a_tray_keeps_parts_apart_and_within_reach():
 
 def test_what_finds_no_place_is_named():
     items = [Item(f"panel_{n}", (0.40, 0.40, 0.02)) for n in range(6)]
-    assert tray((0.12, 0.10, 0.05), items, reach_m=0.855).without
+    assert lay_out_table((0.12, 0.10, 0.05), items, reach_m=0.855).without
 
 
 def test_the_task_is_of_the_arm_that_was_asked_for(eight, written):
     """Its name, its reach, what it carries."""
-    document = task_of(*eight, robot="ur5e").document
+    document = build_task(*eight, robot="ur5e").document
     assert (document["robot"]["name"], document["robot"]["model"]) == ("ur5e", "ur5e")
     assert document["parts"].keys() == written.document["parts"].keys()
     starts = [part["start_m"] for part in document["parts"].values() if "start_m" in part]
@@ -175,13 +175,13 @@ def test_the_task_is_of_the_arm_that_was_asked_for(eight, written):
 
 
 def test_names_of_cad_become_names_of_a_task():
-    names = task_names(["Körper #2", "a/b", "a b", "3rd", "gripper"], taken=["gripper"])
+    names = assign_task_names(["Körper #2", "a/b", "a b", "3rd", "gripper"], taken=["gripper"])
     assert list(names.values()) == ["K_rper_2", "a_b", "a_b_2", "part_3rd", "gripper_2"]
 
 
 def test_a_product_that_is_drawn_lying_is_written_standing(eight):
     product = eight[0]
-    upright = standing(product, (0.0, 1.0, 0.0), (0.5, 0.1))
+    upright = place_upright(product, (0.0, 1.0, 0.0), (0.5, 0.1))
     points = np.concatenate([upright.vertices(part) for part in product])
     assert points[:, 2].min() == pytest.approx(0.0)
     assert upright.vector((0.0, 1.0, 0.0)) == pytest.approx((0.0, 0.0, 1.0))

@@ -12,7 +12,7 @@ from cad_fixtures import box, part_of
 from cad_products import product, related, relation
 from skillplan import load_problem
 from skillplan.cli import run
-from skillplan_cad import Planner, Product, best_bearing, task_of
+from skillplan_cad import Planner, Product, build_task, find_best_bearing
 from thinned import slow_case
 
 DOWN = [0.0, 0.0, -1.0]
@@ -52,10 +52,10 @@ def written(request, tmp_path):
         known = related(parts)
     else:
         parts, known = product(request.param), relation(request.param)
-    bearing = best_bearing(parts, known)
+    bearing = find_best_bearing(parts, known)
     grounded = [name for name in bearing.order if not bearing.on[name]]
     plan = Planner(parts, known).plan(None, bearing.up, grounded)
-    task = task_of(parts, known, plan, bearing=bearing)
+    task = build_task(parts, known, plan, bearing=bearing)
     for name, content in task.files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(content, "utf-8")

@@ -1,55 +1,55 @@
 from .blocking.ray_mesh import RayMesh as RayMesh
-from .build_relation import blocked_of as blocked_of
-from .build_relation import joints_of as joints_of
-from .build_relation import relation_of as relation_of
+from .build_relation import assemble_relation as assemble_relation
+from .build_relation import find_blocked as find_blocked
+from .build_relation import find_joints as find_joints
 from .importing.findings import Confirmation as Confirmation
-from .importing.planned import attitude as attitude
-from .importing.planned import attitude_warnings as attitude_warnings
+from .importing.planned import choose_attitude as choose_attitude
+from .importing.planned import list_attitude_warnings as list_attitude_warnings
 from .planning.assembly_plan import Planner as Planner
-from .planning.assembly_plan import groups_of as groups_of
-from .planning.assembly_plan import holds as holds
-from .planning.assembly_plan import names_of as names_of
-from .planning.assembly_plan import with_groups as with_groups
+from .planning.assembly_plan import add_groups as add_groups
+from .planning.assembly_plan import find_groups as find_groups
+from .planning.assembly_plan import list_names as list_names
+from .planning.assembly_plan import verify_lock as verify_lock
 from .planning.bearing import ATTITUDES as ATTITUDES
 from .planning.bearing import Bearing as Bearing
-from .planning.bearing import bearing_of as bearing_of
-from .planning.bearing import best_bearing as best_bearing
-from .planning.free_paths import free_path as free_path
-from .planning.precedence import as_set as as_set
+from .planning.bearing import find_bearing as find_bearing
+from .planning.bearing import find_best_bearing as find_best_bearing
+from .planning.free_paths import find_free_path as find_free_path
+from .planning.precedence import derive_precedence as derive_precedence
+from .planning.precedence import encode_set as encode_set
+from .planning.precedence import find_touching as find_touching
 from .planning.precedence import is_connected as is_connected
-from .planning.precedence import members as members
-from .planning.precedence import precedence_of as precedence_of
-from .planning.precedence import touching as touching
+from .planning.precedence import list_members as list_members
 from .planning.replay import replay as replay
 from .planning.sequence import Sequencer as Sequencer
-from .planning.shrunk_meshes import shrunk as shrunk
+from .planning.shrunk_meshes import shrink_mesh as shrink_mesh
 from .planning.stability import Stability as Stability
 from .product import Face as Face
 from .product import Part as Part
 from .product import Product as Product
-from .reading.glb import parts_of as parts_of
-from .reading.mending import mended as mended
+from .reading.glb import read_parts as read_parts
+from .reading.mending import mend as mend
 from .reading.product_reader import ReadOptions as ReadOptions
+from .reading.product_reader import find_shapes as find_shapes
 from .reading.product_reader import read_product as read_product
-from .reading.product_reader import shapes_of as shapes_of
 from .reading.raw_part import RawPart as RawPart
 from .reading.step_file import Limits as Limits
 from .reading.step_file import prepare as prepare
-from .reading.step_file import read_apart as read_apart
+from .reading.step_file import read_in_process as read_in_process
 from .relation import Blocking as Blocking
 from .relation import Contact as Contact
 from .relation import Fastener as Fastener
 from .relation import Relation as Relation
 from .relation import RelationPart as RelationPart
 from .relation import Sensitive as Sensitive
+from .relation_file import format_relation as format_relation
 from .relation_file import read_relation as read_relation
-from .relation_file import relation_text as relation_text
 from .writing.task_document import Item as Item
-from .writing.task_document import task_names as task_names
-from .writing.task_document import task_of as task_of
-from .writing.task_document import tray as tray
-from .writing.top_grasp import standing as standing
-from .writing.top_grasp import top_grasp as top_grasp
+from .writing.task_document import assign_task_names as assign_task_names
+from .writing.task_document import build_task as build_task
+from .writing.task_document import lay_out_table as lay_out_table
+from .writing.top_grasp import find_top_grasp as find_top_grasp
+from .writing.top_grasp import place_upright as place_upright
 
 __version__: str
 
@@ -74,36 +74,36 @@ __all__ = [
     "Sensitive",
     "Sequencer",
     "Stability",
-    "as_set",
-    "attitude",
-    "attitude_warnings",
-    "bearing_of",
-    "best_bearing",
-    "blocked_of",
-    "free_path",
-    "groups_of",
-    "holds",
+    "add_groups",
+    "assemble_relation",
+    "assign_task_names",
+    "build_task",
+    "choose_attitude",
+    "derive_precedence",
+    "encode_set",
+    "find_bearing",
+    "find_best_bearing",
+    "find_blocked",
+    "find_free_path",
+    "find_groups",
+    "find_joints",
+    "find_shapes",
+    "find_top_grasp",
+    "find_touching",
+    "format_relation",
     "is_connected",
-    "joints_of",
-    "members",
-    "mended",
-    "names_of",
-    "parts_of",
-    "precedence_of",
+    "lay_out_table",
+    "list_attitude_warnings",
+    "list_members",
+    "list_names",
+    "mend",
+    "place_upright",
     "prepare",
-    "read_apart",
+    "read_in_process",
+    "read_parts",
     "read_product",
     "read_relation",
-    "relation_of",
-    "relation_text",
     "replay",
-    "shapes_of",
-    "shrunk",
-    "standing",
-    "task_names",
-    "task_of",
-    "top_grasp",
-    "touching",
-    "tray",
-    "with_groups",
+    "shrink_mesh",
+    "verify_lock",
 ]

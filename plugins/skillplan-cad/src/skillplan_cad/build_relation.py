@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from skillplan_cad.blocking.all_pairs import BlockingTest, answers_of, in_order
-from skillplan_cad.joints.contacts_of import contacts_of
-from skillplan_cad.joints.cylinder_fits import cylinder_fits
-from skillplan_cad.joints.directions import Source, directions_of
-from skillplan_cad.joints.fasteners_of import fasteners_of
+from skillplan_cad.blocking.all_pairs import BlockingTest, compute_answers, merge_answers
+from skillplan_cad.joints.contacts_of import find_contacts
+from skillplan_cad.joints.cylinder_fits import find_cylinder_fits
+from skillplan_cad.joints.directions import Source, choose_directions
+from skillplan_cad.joints.fasteners_of import find_fasteners
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import (
     Blocking,
@@ -45,18 +45,18 @@ class Blocked:
     sensitive: tuple[Sensitive, ...]
 
 
-def joints_of(product: Product, tolerance_m: float, source: Source, threads: Threads) -> Joints:
+def find_joints(product: Product, tolerance_m: float, source: Source, threads: Threads) -> Joints:
     """Return contacts, fasteners and directions of a product."""
     test = BlockingTest(product, tolerance_m)
-    fits = cylinder_fits(product)
-    contacts = contacts_of(product, test, fits, tolerance_m)
-    fasteners = fasteners_of(product, fits, contacts, tolerance_m)
-    directions = directions_of(source, fits, fasteners, contacts)
-    named = _with_threads(contacts, fasteners, threads, tolerance_m)
+    fits = find_cylinder_fits(product)
+    contacts = find_contacts(product, test, fits, tolerance_m)
+    fasteners = find_fasteners(product, fits, contacts, tolerance_m)
+    directions = choose_directions(source, fits, fasteners, contacts)
+    named = _mark_threads(contacts, fasteners, threads, tolerance_m)
     return Joints(named, fasteners, directions)
 
 
-def blocked_of(
+def find_blocked(
     product: Product,
     directions: Sequence[Vector],
     tolerance_m: float,
@@ -78,18 +78,18 @@ def blocked_of(
     """
     lines = [(directions[number], number, number + 1) for number in range(0, len(directions), 2)]
     answers = []
-    for answer in answers_of(product, tolerance_m, lines, jobs):
+    for answer in compute_answers(product, tolerance_m, lines, jobs):
         answers.append(answer)
         on_done(len(answers), len(lines))
-    entries, sensitive = in_order(product, answers)
+    entries, sensitive = merge_answers(product, answers)
     return Blocked(tuple(entries), tuple(sensitive))
 
 
-def relation_of(
+def assemble_relation(
     product: Product, joints: Joints, blocked: Blocked, tolerance_m: float, threads: Threads
 ) -> Relation:
     """Return the relation, with threads waived and parts classified."""
-    free = _waived(joints, threads)
+    free = _find_waived(joints, threads)
     kinds: dict[str, PartKind] = {fastener.part: fastener.kind for fastener in joints.fasteners}
     first: dict[int, str] = {}
     for part in product.parts:
@@ -122,9 +122,11 @@ def relation_of(
     )
 
 
-def waived_pairs(joints: Joints, blocked: Blocked, threads: Threads) -> list[tuple[str, str, int]]:
+def list_waived_pairs(
+    joints: Joints, blocked: Blocked, threads: Threads
+) -> list[tuple[str, str, int]]:
     """Return the blockings that are dropped because a thread turns out of its mate."""
-    free = _waived(joints, threads)
+    free = _find_waived(joints, threads)
     return [
         (entry.part, entry.by, entry.direction)
         for entry in blocked.entries
@@ -132,7 +134,7 @@ def waived_pairs(joints: Joints, blocked: Blocked, threads: Threads) -> list[tup
     ]
 
 
-def _waived(joints: Joints, threads: Threads) -> set[tuple[str, str, int]]:
+def _find_waived(joints: Joints, threads: Threads) -> set[tuple[str, str, int]]:
     waived: set[tuple[str, str, int]] = set()
     if threads == "solid":
         return waived
@@ -147,7 +149,7 @@ def _waived(joints: Joints, threads: Threads) -> set[tuple[str, str, int]]:
     return waived
 
 
-def _with_threads(
+def _mark_threads(
     contacts: Sequence[Contact],
     fasteners: Sequence[Fastener],
     threads: Threads,

@@ -17,14 +17,14 @@ from skillplan_cad.relation import Blocking, Contact, Fastener, Relation, Relati
 _REMEDY = "Write it anew with `skillplan import-cad`"
 
 
-def relation_text(relation: Relation) -> str:
+def format_relation(relation: Relation) -> str:
     """Return the content of `relation.json`."""
-    return format_document(RELATION, relation_document(relation)) + "\n"
+    return format_document(RELATION, build_relation_document(relation)) + "\n"
 
 
-def relation_document(relation: Relation) -> dict[str, Any]:
+def build_relation_document(relation: Relation) -> dict[str, Any]:
     """Return the document without its schema; lengths in millimetres."""
-    directions = [_plain(direction) for direction in relation.directions]
+    directions = [_round_vector(direction) for direction in relation.directions]
     return {
         "unit": "mm",
         "tolerance_mm": _mm(relation.tolerance_m),
@@ -34,7 +34,7 @@ def relation_document(relation: Relation) -> dict[str, Any]:
                 "kind": part.kind,
                 "identical_to": part.identical_to,
                 "mirror_of": part.mirror_of,
-                "mass_kg": _rounded(part.mass_kg, 9),
+                "mass_kg": _round(part.mass_kg, 9),
             }
             for part in relation.parts
         ],
@@ -61,8 +61,8 @@ def relation_document(relation: Relation) -> dict[str, Any]:
             }
             for answer in relation.sensitive
         ],
-        "contacts": [_contact_document(contact) for contact in relation.contacts],
-        "fasteners": [_fastener_document(fastener) for fastener in relation.fasteners],
+        "contacts": [_build_contact_document(contact) for contact in relation.contacts],
+        "fasteners": [_build_fastener_document(fastener) for fastener in relation.fasteners],
         "groups": [list(group) for group in relation.groups],
         "stuck": list(relation.stuck),
     }
@@ -78,13 +78,13 @@ def read_relation(path: Path) -> Relation:
     """
     document = read_document(path, RELATION, _REMEDY)
     try:
-        return _relation(document)
+        return _parse_relation(document)
     except (KeyError, TypeError, ValueError) as error:
         raise OptionError(f"{path}: is damaged: {error!r}. {_REMEDY}.") from None
 
 
-def _relation(document: Mapping[str, Any]) -> Relation:
-    directions = tuple(_vector(vector) for vector in document["directions"])
+def _parse_relation(document: Mapping[str, Any]) -> Relation:
+    directions = tuple(_parse_vector(vector) for vector in document["directions"])
     numbers = {direction: number for number, direction in enumerate(directions)}
     return Relation(
         parts=tuple(
@@ -103,21 +103,21 @@ def _relation(document: Mapping[str, Any]) -> Relation:
             Blocking(
                 entry["part"],
                 entry["by"],
-                numbers[_vector(entry["direction"])],
+                numbers[_parse_vector(entry["direction"])],
                 entry["distance_mm"] / 1000,
                 entry["width_mm"] / 1000,
-                _metres(entry["point_mm"]),
+                _convert_to_metres(entry["point_mm"]),
                 entry["sensitive"],
             )
             for entry in document["blocked"]
         ),
-        contacts=tuple(_contact(entry) for entry in document["contacts"]),
-        fasteners=tuple(_fastener(entry) for entry in document["fasteners"]),
+        contacts=tuple(_parse_contact(entry) for entry in document["contacts"]),
+        fasteners=tuple(_parse_fastener(entry) for entry in document["fasteners"]),
         sensitive=tuple(
             Sensitive(
                 entry["part"],
                 entry["by"],
-                numbers[_vector(entry["direction"])],
+                numbers[_parse_vector(entry["direction"])],
                 entry["blocked"],
                 entry["otherwise_at_mm"] / 1000,
             )
@@ -128,51 +128,51 @@ def _relation(document: Mapping[str, Any]) -> Relation:
     )
 
 
-def _contact_document(contact: Contact) -> dict[str, Any]:
+def _build_contact_document(contact: Contact) -> dict[str, Any]:
     point, difference = contact.overlap_point_m, contact.radius_difference_m
     return {
         "parts": list(contact.parts),
         "kind": contact.kind,
-        "area_mm2": _rounded(contact.area_m2 * 1e6, 4),
-        "normals": [_plain(normal) for normal in contact.normals],
-        "axis": None if contact.axis is None else _plain(contact.axis),
+        "area_mm2": _round(contact.area_m2 * 1e6, 4),
+        "normals": [_round_vector(normal) for normal in contact.normals],
+        "axis": None if contact.axis is None else _round_vector(contact.axis),
         "axis_point_mm": None if contact.axis_point_m is None else _mm3(contact.axis_point_m),
         "radius_mm": None if contact.radius_m is None else _mm(contact.radius_m),
         "radius_difference_mm": None if difference is None else _mm(difference),
         "points_mm": [_mm3(location) for location in contact.points_m],
-        "overlap_mm3": _rounded(contact.overlap_m3 * 1e9, 4),
-        "overlap_surface_mm2": _rounded(contact.overlap_surface_m2 * 1e6, 4),
-        "overlap_allowed_mm3": _rounded(contact.overlap_allowed_m3 * 1e9, 4),
+        "overlap_mm3": _round(contact.overlap_m3 * 1e9, 4),
+        "overlap_surface_mm2": _round(contact.overlap_surface_m2 * 1e6, 4),
+        "overlap_allowed_mm3": _round(contact.overlap_allowed_m3 * 1e9, 4),
         "overlap_point_mm": None if point is None else _mm3(point),
         "interference": contact.interferes,
     }
 
 
-def _contact(fields: Mapping[str, Any]) -> Contact:
+def _parse_contact(fields: Mapping[str, Any]) -> Contact:
     radius, difference = fields["radius_mm"], fields["radius_difference_mm"]
     point, axis, axis_point = fields["overlap_point_mm"], fields["axis"], fields["axis_point_mm"]
     return Contact(
         parts=(fields["parts"][0], fields["parts"][1]),
         kind=fields["kind"],
         area_m2=fields["area_mm2"] / 1e6,
-        normals=tuple(_vector(normal) for normal in fields["normals"]),
-        axis=None if axis is None else _vector(axis),
-        axis_point_m=None if axis_point is None else _metres(axis_point),
+        normals=tuple(_parse_vector(normal) for normal in fields["normals"]),
+        axis=None if axis is None else _parse_vector(axis),
+        axis_point_m=None if axis_point is None else _convert_to_metres(axis_point),
         radius_m=None if radius is None else radius / 1000,
         radius_difference_m=None if difference is None else difference / 1000,
-        points_m=tuple(_metres(location) for location in fields["points_mm"]),
+        points_m=tuple(_convert_to_metres(location) for location in fields["points_mm"]),
         overlap_m3=fields["overlap_mm3"] / 1e9,
         overlap_surface_m2=fields["overlap_surface_mm2"] / 1e6,
         overlap_allowed_m3=fields["overlap_allowed_mm3"] / 1e9,
-        overlap_point_m=None if point is None else _metres(point),
+        overlap_point_m=None if point is None else _convert_to_metres(point),
     )
 
 
-def _fastener_document(fastener: Fastener) -> dict[str, Any]:
+def _build_fastener_document(fastener: Fastener) -> dict[str, Any]:
     return {
         "part": fastener.part,
         "kind": fastener.kind,
-        "axis": _plain(fastener.axis),
+        "axis": _round_vector(fastener.axis),
         "point_mm": _mm3(fastener.point_m),
         "diameter_mm": _mm(fastener.diameter_m),
         "length_mm": _mm(fastener.length_m),
@@ -182,12 +182,12 @@ def _fastener_document(fastener: Fastener) -> dict[str, Any]:
     }
 
 
-def _fastener(fields: Mapping[str, Any]) -> Fastener:
+def _parse_fastener(fields: Mapping[str, Any]) -> Fastener:
     return Fastener(
         part=fields["part"],
         kind=fields["kind"],
-        axis=_vector(fields["axis"]),
-        point_m=_metres(fields["point_mm"]),
+        axis=_parse_vector(fields["axis"]),
+        point_m=_convert_to_metres(fields["point_mm"]),
         diameter_m=fields["diameter_mm"] / 1000,
         length_m=fields["length_mm"] / 1000,
         joins=tuple(fields["joins"]),
@@ -196,28 +196,28 @@ def _fastener(fields: Mapping[str, Any]) -> Fastener:
     )
 
 
-def _rounded(value: float, digits: int) -> float:
+def _round(value: float, digits: int) -> float:
     """Return a number without insignificant digits, and zero without a sign."""
     return round(float(value), digits) + 0.0
 
 
 def _mm(value_m: float) -> float:
-    return _rounded(value_m * 1000, 4)
+    return _round(value_m * 1000, 4)
 
 
 def _mm3(point_m: Vector) -> list[float]:
     return [_mm(value) for value in point_m]
 
 
-def _plain(vector: Vector) -> list[float]:
-    return [_rounded(value, 9) for value in vector]
+def _round_vector(vector: Vector) -> list[float]:
+    return [_round(value, 9) for value in vector]
 
 
-def _vector(numbers: Any) -> Vector:
+def _parse_vector(numbers: Any) -> Vector:
     x, y, z = (float(number) for number in np.asarray(numbers, dtype=float))
     return x, y, z
 
 
-def _metres(point_mm: Any) -> Vector:
-    x, y, z = _vector(point_mm)
+def _convert_to_metres(point_mm: Any) -> Vector:
+    x, y, z = _parse_vector(point_mm)
     return x / 1000, y / 1000, z / 1000

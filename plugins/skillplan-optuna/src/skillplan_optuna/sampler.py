@@ -51,7 +51,7 @@ class OptunaSampler(Sampler):
     options: Options
 
     def join(self, folder: Path, question: Question) -> OptunaTrials:
-        """Return the trials of a folder; parameters and errors are those of `Sampler.join`."""
+        """Return the trials of a folder; parameters and errors as in `Sampler.join`."""
         return OptunaTrials(folder / self.keeps, question, self._chooser)
 
     def _chooser(self, seed: int) -> BaseSampler:
@@ -98,7 +98,7 @@ class OptunaTrials(SharedTrials):
         with self._told():
             user_attr = self._study.user_attrs[_ABOUT]
             if not isinstance(user_attr, dict):
-                raise ValueError("it does not say which study it is of")
+                raise ValueError("it does not name its study")
             return user_attr
 
     def ask(self) -> Trial:

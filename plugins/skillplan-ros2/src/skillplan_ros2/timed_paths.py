@@ -59,7 +59,7 @@ def time_plan(handover: Handover, speed_fraction: float | None) -> TimedPlan:
         )
     for planned in handover.skills:
         if planned.skill.motion is None:
-            raise NoTrajectory(f"{planned.skill.name} is no motion of the arm: export to csv")
+            raise NoTrajectory(f"{planned.skill.name} is not a motion of the arm: export to csv")
     timing = _Timing(handover, speed_fraction)
     trajectories: list[SkillTrajectory] = []
     for skill in handover.skills:

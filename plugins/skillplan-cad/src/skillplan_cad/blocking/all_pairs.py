@@ -16,8 +16,8 @@ from skillplan_cad.blocking.pair_lattice import (
     Outline,
     PairLattice,
     Side,
-    first_contact,
-    mesh_edges,
+    find_first_contact,
+    list_mesh_edges,
 )
 from skillplan_cad.blocking.ray_mesh import Floats, RayMesh, RayView
 from skillplan_cad.product import Product, Vector
@@ -49,7 +49,7 @@ class BlockingTest:
         bounds = np.stack([part.bounds_m for part in product.parts])
         self.middle_m = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
         self.meshes = [RayMesh(part, self.middle_m) for part in product.parts]
-        self._edges = [mesh_edges(part.triangles) for part in product.parts]
+        self._edges = [list_mesh_edges(part.triangles) for part in product.parts]
 
     def along(self, direction: Vector, number: int, opposite: int) -> Answers:
         """Return the blockings along a direction and against it.
@@ -61,16 +61,16 @@ class BlockingTest:
         number, opposite
             Numbers of the direction and of its opposite.
         """
-        frame = frame_of(direction)
-        sides = self._sides(frame)
+        frame = build_frame(direction)
+        sides = self._view_parts(frame)
         blockings: list[Blocking] = []
         doubtful: list[Sensitive] = []
-        for first, second in self._overlapping(sides):
+        for first, second in self._iterate_overlapping(sides):
             lattice = PairLattice(sides[first], sides[second], self._chord_mm)
             for sign in (1, -1):
-                block = lattice.block(sign, self._radii())
+                block = lattice.block(sign, self._list_radii())
                 if block is not None:
-                    entries, unsure = self._entries(
+                    entries, unsure = self._build_entries(
                         (first, second), sides, sign, block, frame, (number, opposite)
                     )
                     blockings += entries
@@ -87,19 +87,19 @@ class BlockingTest:
         tested
             Mask of the pairs to test, shape (parts, parts).
         """
-        sides = self._sides(frame_of(direction))
+        sides = self._view_parts(build_frame(direction))
         pairs = []
-        for first, second in self._overlapping(sides):
+        for first, second in self._iterate_overlapping(sides):
             lattice = PairLattice(sides[first], sides[second], self._chord_mm)
             for sign, pair in ((1, (first, second)), (-1, (second, first))):
                 if not tested[pair]:
                     continue
-                block = lattice.block(sign, self._radii())
-                if block is not None and block.radius_mm > self._radii()[-1]:
+                block = lattice.block(sign, self._list_radii())
+                if block is not None and block.radius_mm > self._list_radii()[-1]:
                     pairs.append(pair)
         return pairs
 
-    def _sides(self, frame: Floats) -> list[Side]:
+    def _view_parts(self, frame: Floats) -> list[Side]:
         """Return all parts as seen along the last row of a frame."""
         views = [RayView(mesh, frame) for mesh in self.meshes]
         return [
@@ -112,11 +112,11 @@ class BlockingTest:
             for mesh, view, edges in zip(self.meshes, views, self._edges, strict=True)
         ]
 
-    def _radii(self) -> tuple[float, ...]:
+    def _list_radii(self) -> tuple[float, ...]:
         """Return double, whole and half the tolerance [mm]."""
         return tuple(share * self._tolerance_mm for share in (2.0, 1.0, 0.5))
 
-    def _overlapping(self, sides: Sequence[Side]) -> Iterator[tuple[int, int]]:
+    def _iterate_overlapping(self, sides: Sequence[Side]) -> Iterator[tuple[int, int]]:
         low = np.stack([side.low for side in sides])
         high = np.stack([side.high for side in sides])
         for first in range(len(sides)):
@@ -125,7 +125,7 @@ class BlockingTest:
                 if second > first:
                     yield first, int(second)
 
-    def _entries(
+    def _build_entries(
         self,
         pair: tuple[int, int],
         sides: Sequence[Side],
@@ -137,7 +137,7 @@ class BlockingTest:
         """Return both entries of a block: one part moved forwards, or the other backwards."""
         number, opposite = numbers if sign > 0 else numbers[::-1]
         names = [self._product.parts[part].name for part in pair]
-        double, whole, half = self._radii()
+        double, whole, half = self._list_radii()
         pairs = ((names[0], names[1], number), (names[1], names[0], opposite))
         if block.radius_mm == half:
             return [], [
@@ -145,7 +145,7 @@ class BlockingTest:
             ]
         sensitive = block.radius_mm == whole
         low, high = pair if sign > 0 else pair[::-1]
-        distance, there, here = first_contact(
+        distance, there, here = find_first_contact(
             sides[low].view, sides[high].view, block.points, frame
         )
         # The lower part is met at its own contact point, the upper one at its counterpart.
@@ -171,7 +171,7 @@ class BlockingTest:
         return x, y, z
 
 
-def frame_of(direction: Vector) -> Floats:
+def build_frame(direction: Vector) -> Floats:
     """Return two directions across a direction, and the direction itself, one per row."""
     along = np.asarray(direction, dtype=np.float64)
     along = along / np.linalg.norm(along)
@@ -181,7 +181,7 @@ def frame_of(direction: Vector) -> Floats:
     return np.stack([across, np.cross(along, across), along])
 
 
-def in_order(product: Product, answers: Iterable[Answers]) -> Answers:
+def merge_answers(product: Product, answers: Iterable[Answers]) -> Answers:
     """Merge answers, sorted by direction, part and blocker."""
     blockings: list[Blocking] = []
     doubtful: list[Sensitive] = []
@@ -199,7 +199,7 @@ _WHAT = "blocking"
 Job = tuple[Vector, int, int]
 
 
-def answers_of(
+def compute_answers(
     product: Product, tolerance_m: float, lines: Sequence[Job], jobs: int
 ) -> Iterator[Answers]:
     """Yield the blockings along each line and against it, as answers arrive.
@@ -228,7 +228,7 @@ def answers_of(
         left = list(lines)
         busy: list[Worker] = []
         while left and len(busy) < executor.slots:
-            worker = executor.start(_prepare, content, _WHAT)
+            worker = executor.start(_prepare_job, content, _WHAT)
             worker.take(left.pop(0))
             busy.append(worker)
         while busy:
@@ -248,7 +248,7 @@ def answers_of(
                     ready.end()
 
 
-def _prepare(content: tuple[Product, float]) -> Callable[[Job], Answers]:
+def _prepare_job(content: tuple[Product, float]) -> Callable[[Job], Answers]:
     """Return the job of a process, which tests one line."""
     test = BlockingTest(*content)
     return lambda line: test.along(*line)

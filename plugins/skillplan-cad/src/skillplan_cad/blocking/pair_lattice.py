@@ -28,7 +28,7 @@ class Outline:
     view
         The part along the direction.
     edges
-        Vertices and triangles of each edge, as in `mesh_edges`.
+        Vertices and triangles of each edge, as in `list_mesh_edges`.
     """
 
     def __init__(self, mesh: RayMesh, view: RayView, edges: NDArray[np.int64]) -> None:
@@ -83,7 +83,7 @@ class Outline:
         return np.asarray(chosen[inside])
 
 
-def mesh_edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def list_mesh_edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return each edge once: its two vertices and its two triangles."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(triangles)), 3)
@@ -176,47 +176,47 @@ class PairLattice:
         for radius in fitting:
             for side in (_COARSE, _FINE):
                 if block is None and self._is_hopeful(sign, fitting[-1], side):
-                    block = self._on_lattice(sign, radius, side)
+                    block = self._search_lattice(sign, radius, side)
             if block is not None:
                 break
         # Outlines may have larger blocked discs than the lattice.
         for radius in reversed(fitting):
             if block is None or radius > block.radius_mm:
-                wider = self._on_outlines(sign, radius)
+                wider = self._search_outlines(sign, radius)
                 if wider is None:
                     break
                 block = wider
         return block
 
-    def _grid(self, side: int) -> tuple[Floats, Heights, Heights]:
+    def _trace_grid(self, side: int) -> tuple[Floats, Heights, Heights]:
         if side not in self._grids:
             share = (np.arange(side) + _OFF) / (side + 0.0411)
             x = self.low[0] + share * (self.high[0] - self.low[0])
             y = self.low[1] + share * (self.high[1] - self.low[1])
             points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-            self._grids[side] = (points, *self._heights(points))
+            self._grids[side] = (points, *self._trace_heights(points))
         return self._grids[side]
 
     def _is_hopeful(self, sign: int, radius: float, side: int) -> bool:
         """Return whether any ray of a lattice is blocked; larger discs block no more rays."""
         key = (sign, side)
         if key not in self._hopes:
-            _, first, second = self._grid(side)
-            self._hopes[key] = bool(self._blocked(sign, radius, first, second).any())
+            _, first, second = self._trace_grid(side)
+            self._hopes[key] = bool(self._mask_blocked(sign, radius, first, second).any())
         return self._hopes[key]
 
-    def _heights(self, points: Floats) -> tuple[Heights, Heights]:
+    def _trace_heights(self, points: Floats) -> tuple[Heights, Heights]:
         first = self._first.view.heights(points)
         hit = np.isfinite(first.low)
         if hit.all():
             return first, self._second.view.heights(points)
         # Rays that miss one part need no heights of the other.
         some = self._second.view.heights(points[hit])
-        return first, Heights(*(_spread(value, hit) for value in _values(some)))
+        return first, Heights(*(_scatter(value, hit) for value in _values(some)))
 
-    def _on_lattice(self, sign: int, radius: float, side: int) -> Block | None:
-        points, first, second = self._grid(side)
-        blocked = self._blocked(sign, radius, first, second)
+    def _search_lattice(self, sign: int, radius: float, side: int) -> Block | None:
+        points, first, second = self._trace_grid(side)
+        blocked = self._mask_blocked(sign, radius, first, second)
         if not blocked.any():
             return None
         step = (self.high - self.low) / side
@@ -225,57 +225,57 @@ class PairLattice:
         depth: Floats = depths[1:-1, 1:-1].reshape(-1)
         candidates = np.flatnonzero(blocked)
         order = candidates[np.argsort(-depth[candidates], kind="stable")]
-        centre = self._disc(sign, radius, points[order], are_blocked=True)
+        centre = self._find_disc(sign, radius, points[order], are_blocked=True)
         if centre is None:
             return None
         inner = order[depth[order] >= radius][:40]
         shown = np.concatenate([centre[None], points[inner]])
-        width = max(self._width(sign, radius, centre), 2 * float(depth.max() - step.max()))
+        width = max(self._measure_width(sign, radius, centre), 2 * float(depth.max() - step.max()))
         return Block(radius, shown, width)
 
-    def _on_outlines(self, sign: int, radius: float) -> Block | None:
+    def _search_outlines(self, sign: int, radius: float) -> Block | None:
         for side in (self._first, self._second):
             points = side.outline.points(radius * 1.02, self.low, self.high, _OUTLINE_POINTS)
             if len(points):
-                centre = self._disc(sign, radius, points)
+                centre = self._find_disc(sign, radius, points)
                 if centre is not None:
-                    return Block(radius, centre[None], self._width(sign, radius, centre))
+                    return Block(radius, centre[None], self._measure_width(sign, radius, centre))
         return None
 
-    def _width(self, sign: int, radius: float, centre: Floats) -> float:
+    def _measure_width(self, sign: int, radius: float, centre: Floats) -> float:
         """Return a lower bound on the diameter of the largest blocked disc around a point."""
         largest = float((self.high - self.low).min()) / 2
         if largest <= radius:
             return 2 * radius
         radii = np.append(radius, np.geomspace(radius, largest, _GROWN + 1)[1:])
-        ring = (radii[:, None, None] * _ring(2 * _RING)).reshape(-1, 2)
-        whole = self._blocked(sign, radius, *self._heights(centre + ring))
+        ring = (radii[:, None, None] * _build_ring(2 * _RING)).reshape(-1, 2)
+        whole = self._mask_blocked(sign, radius, *self._trace_heights(centre + ring))
         held = np.asarray(whole.reshape(len(radii), -1).all(axis=1))
         failed = np.flatnonzero(~held[1:])
         return float(2 * radii[failed[0] if len(failed) else -1])
 
-    def _disc(
+    def _find_disc(
         self, sign: int, radius: float, centres: Floats, *, are_blocked: bool = False
     ) -> Floats | None:
         """Return the first of the points with a blocked disc around it, or None."""
         begin = 0
-        ring = radius * _ring(_RING)
+        ring = radius * _build_ring(_RING)
         for size in _CHUNKS:
             some = centres[begin : begin + size]
             if not len(some):
                 return None
             if not are_blocked:
-                some = some[self._blocked(sign, radius, *self._heights(some))]
+                some = some[self._mask_blocked(sign, radius, *self._trace_heights(some))]
             if len(some):
                 around = (some[:, None] + ring).reshape(-1, 2)
-                whole = self._blocked(sign, radius, *self._heights(around))
+                whole = self._mask_blocked(sign, radius, *self._trace_heights(around))
                 good = np.flatnonzero(whole.reshape(-1, _RING).all(axis=1))
                 if len(good):
                     return np.asarray(some[good[0]])
             begin += size
         return None
 
-    def _blocked(
+    def _mask_blocked(
         self, sign: int, radius: float, first: Heights, second: Heights
     ) -> NDArray[np.bool_]:
         """Return a mask of the rays blocked by more than the tolerance, square to the surfaces."""
@@ -288,7 +288,7 @@ class PairLattice:
             )
 
 
-def first_contact(
+def find_first_contact(
     mover: RayView, other: RayView, points: Floats, frame: Floats
 ) -> tuple[float, Floats, Floats]:
     """Return the distance of a part's move until it meets the other, and the contact points.
@@ -324,7 +324,7 @@ def first_contact(
     return distance, place, place - distance * frame[2]
 
 
-def _ring(count: int) -> Floats:
+def _build_ring(count: int) -> Floats:
     """Return points on the unit circle."""
     turn = 2 * np.pi * (np.arange(count) + 0.137) / count
     return np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -334,7 +334,7 @@ def _values(heights: Heights) -> tuple[Floats, Floats, Floats, Floats]:
     return heights.low, heights.high, heights.low_slope, heights.high_slope
 
 
-def _spread(values: Floats, where: NDArray[np.bool_]) -> Floats:
+def _scatter(values: Floats, where: NDArray[np.bool_]) -> Floats:
     spread = np.full(len(where), np.nan)
     spread[where] = values
     return spread

@@ -40,7 +40,7 @@ class Heights:
 
 
 @cache
-def _embree_device() -> Any:
+def _open_embree_device() -> Any:
     """Return the Embree device of this process, shared by all scenes.
 
     Each device takes one of the process's 1,024 keys of thread-local storage. Embree allows several
@@ -78,7 +78,7 @@ class RayMesh:
         length = np.linalg.norm(across, axis=1)
         self.normals = across / np.where(length > 0, length, 1.0)[:, None]
         self._corner = corners[:, 0]
-        self._scene = EmbreeScene(_embree_device())
+        self._scene = EmbreeScene(_open_embree_device())
         self._mesh = TriangleMesh(
             self._scene,
             np.ascontiguousarray(self.points_mm, dtype=np.float32),
@@ -157,7 +157,7 @@ class RayView:
         directions = np.empty((2 * count, 3), dtype=np.float32)
         directions[:count], directions[count:] = self._frame[2], -self._frame[2]
         hit = self._mesh.first_hits(origins, directions)
-        height, slope = self._at(hit, np.concatenate([flat, flat]))
+        height, slope = self._evaluate_hits(hit, np.concatenate([flat, flat]))
         return Heights(height[:count], height[count:], slope[:count], slope[count:])
 
     def crossings(self, flat: Floats) -> tuple[Floats, Floats]:
@@ -174,7 +174,7 @@ class RayView:
             live, hit = live[hit >= 0], hit[hit >= 0]
             if not len(live):
                 break
-            height, _ = self._at(hit, flat[live])
+            height, _ = self._evaluate_hits(hit, flat[live])
             height = np.maximum(height, at[live])
             inwards = self.facing[hit] < 0
             for rows, chosen in ((entries, inwards), (exits, ~inwards)):
@@ -185,7 +185,7 @@ class RayView:
         none = np.full((1, len(base)), np.inf)
         return np.array(entries or none).T, np.array(exits or none).T
 
-    def _at(self, hit: NDArray[np.int64], flat: Floats) -> tuple[Floats, Floats]:
+    def _evaluate_hits(self, hit: NDArray[np.int64], flat: Floats) -> tuple[Floats, Floats]:
         """Return heights and slopes at the hit triangles; nan and 0 for index -1."""
         terms = self._planes[hit]
         value = terms[:, 0] + terms[:, 1] * flat[:, 0] + terms[:, 2] * flat[:, 1]

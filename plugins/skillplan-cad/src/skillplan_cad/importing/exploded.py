@@ -10,7 +10,7 @@ from skillplan.task.scene import Body
 from skillplan.task.shape import Mesh
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.product import Part, Product
-from skillplan_cad.writing.top_grasp import Upright, standing
+from skillplan_cad.writing.top_grasp import Upright, place_upright
 
 Added = tuple[Body, Pose, Point3]
 """A body, its goal pose, and the unit vector of its final move."""
@@ -21,34 +21,34 @@ Draw = Callable[[str, Sequence[Added]], bytes]
 _STUCK = "stuck"
 
 
-def added_bodies(product: Product, plan: AssemblyPlan) -> list[Added]:
+def place_bodies(product: Product, plan: AssemblyPlan) -> list[Added]:
     """Return the parts in order of the plan; stuck parts are one body with the base."""
-    upright = standing(product, plan.up, (0.0, 0.0))
+    upright = place_upright(product, plan.up, (0.0, 0.0))
     stuck = [entry.part for entry in plan.stuck if entry.part != plan.base]
     name = f"{plan.base} with {', '.join(stuck)} ({_STUCK})" if stuck else plan.base
-    bodies = [(*_placed(product, upright, name, (plan.base, *stuck)), DOWN)]
+    bodies = [(*_place_parts(product, upright, name, (plan.base, *stuck)), DOWN)]
     taken = {plan.base, *stuck}
     for step in plan.steps:
         for part in step.parts:
             if part not in taken:
                 taken.add(part)
-                placed = _placed(product, upright, part, (part,))
+                placed = _place_parts(product, upright, part, (part,))
                 bodies.append((*placed, upright.vector(step.along)))
     return bodies
 
 
-def _placed(
+def _place_parts(
     product: Product, upright: Upright, title: str, names: Sequence[str]
 ) -> tuple[Body, Pose]:
     """Return some parts as one body, and its pose."""
     parts = [product.parts[product.index(name)] for name in names]
     bottom = upright.bottom(parts[0])
-    meshes = [_mesh(part, upright, bottom) for part in parts]
+    meshes = [_build_mesh(part, upright, bottom) for part in parts]
     body = Body(title, tuple(mesh.box for mesh in meshes), (), 1.0, surfaces=tuple(meshes))
     return body, Pose(bottom)
 
 
-def _mesh(part: Part, upright: Upright, bottom: Point3) -> Mesh:
+def _build_mesh(part: Part, upright: Upright, bottom: Point3) -> Mesh:
     local = upright.vertices(part) - bottom
     corners = tuple((float(x), float(y), float(z)) for x, y, z in local)
     faces = tuple((int(a), int(b), int(c)) for a, b, c in part.triangles)

@@ -20,12 +20,18 @@ from skillplan.files.atomic_file import write_whole
 from skillplan.files.folder import get_cache_folder
 from skillplan.files.regular_file import is_folder, read_bytes
 from skillplan_cad import __version__
-from skillplan_cad.build_relation import Blocked, Joints, blocked_of, joints_of, relation_of
+from skillplan_cad.build_relation import (
+    Blocked,
+    Joints,
+    assemble_relation,
+    find_blocked,
+    find_joints,
+)
 from skillplan_cad.importing.settings import ImportSettings
-from skillplan_cad.planning.shrunk_meshes import MeshTree, shrunk
+from skillplan_cad.planning.shrunk_meshes import MeshTree, shrink_mesh
 from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.reading.mesh_folder import MOST_BYTES as MESH_BYTES
-from skillplan_cad.reading.mesh_folder import mesh_files
+from skillplan_cad.reading.mesh_folder import list_mesh_files
 from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import MOST_BYTES as STEP_BYTES
 from skillplan_cad.relation import Blocking, Contact, Fastener, Relation, Sensitive
@@ -98,21 +104,21 @@ class Confirmation:
             blocked.add((entry.part, entry.by, entry.direction))
         for part, by in touching:
             for number, direction in enumerate(directions):
-                if (part, by, number) not in blocked and self._meets(part, by, direction):
+                if (part, by, number) not in blocked and self._collides_on_way(part, by, direction):
                     doubts.append(Doubt(part, by, number, False))
         return tuple(doubts)
 
-    def _meets(self, part: str, by: str, direction: Vector) -> bool:
+    def _collides_on_way(self, part: str, by: str, direction: Vector) -> bool:
         """Return whether a part collides with another at some places of its move past it."""
         along = np.asarray(direction)
-        moving, standing = (self._tree(name).vertices_m @ along for name in (part, by))
+        moving, standing = (self._get_tree(name).vertices_m @ along for name in (part, by))
         end = max(float(standing.max() - moving.min()), 0.0)
         # Most obstacles are near.
         places = end * np.linspace(0.0, 1.0, _PLACES + 1)[1:] ** 2
         return any(self._collide(part, by, place * along) for place in places)
 
     def _collide(self, part: str, by: str, offset_m: NDArray[np.float64]) -> bool:
-        mover, other = self._tree(part), self._tree(by)
+        mover, other = self._get_tree(part), self._get_tree(by)
         if (mover.low_m + offset_m > other.high_m).any() or (
             mover.high_m + offset_m < other.low_m
         ).any():
@@ -123,62 +129,62 @@ class Confirmation:
         coal.collide(mover.tree, moved, other.tree, still, request, result)
         return bool(result.isCollision())
 
-    def _tree(self, name: str) -> MeshTree:
+    def _get_tree(self, name: str) -> MeshTree:
         if name not in self._trees:
             part = self._product.parts[self._product.index(name)]
-            points = shrunk(part.vertices_m, part.triangles, self._inset_m)
+            points = shrink_mesh(part.vertices_m, part.triangles, self._inset_m)
             self._trees[name] = MeshTree(name, points, part.triangles)
         return self._trees[name]
 
 
-def joints_bytes(joints: Joints) -> bytes:
+def serialize_joints(joints: Joints) -> bytes:
     """Serialize joints."""
     return json.dumps(asdict(joints)).encode()
 
 
-def joints_from(content: bytes) -> Joints:
-    """Restore joints from `joints_bytes`."""
+def restore_joints(content: bytes) -> Joints:
+    """Restore joints from `serialize_joints`."""
     document = json.loads(content)
     return Joints(
-        tuple(Contact(**_tuples(contact)) for contact in document["contacts"]),
-        tuple(Fastener(**_tuples(fastener)) for fastener in document["fasteners"]),
-        tuple(_tuple(direction) for direction in document["directions"]),
+        tuple(Contact(**_convert_to_tuples(contact)) for contact in document["contacts"]),
+        tuple(Fastener(**_convert_to_tuples(fastener)) for fastener in document["fasteners"]),
+        tuple(_convert_to_tuple(direction) for direction in document["directions"]),
     )
 
 
-def blocked_bytes(blocked: Blocked) -> bytes:
+def serialize_blocked(blocked: Blocked) -> bytes:
     """Serialize blockings."""
     return json.dumps(asdict(blocked)).encode()
 
 
-def blocked_from(content: bytes) -> Blocked:
-    """Restore blockings from `blocked_bytes`."""
+def restore_blocked(content: bytes) -> Blocked:
+    """Restore blockings from `serialize_blocked`."""
     document = json.loads(content)
     return Blocked(
-        tuple(Blocking(**_tuples(entry)) for entry in document["entries"]),
-        tuple(Sensitive(**_tuples(entry)) for entry in document["sensitive"]),
+        tuple(Blocking(**_convert_to_tuples(entry)) for entry in document["entries"]),
+        tuple(Sensitive(**_convert_to_tuples(entry)) for entry in document["sensitive"]),
     )
 
 
-def doubts_bytes(doubts: Sequence[Doubt]) -> bytes:
+def serialize_doubts(doubts: Sequence[Doubt]) -> bytes:
     """Serialize doubts."""
     return json.dumps([asdict(doubt) for doubt in doubts]).encode()
 
 
-def doubts_from(content: bytes) -> tuple[Doubt, ...]:
-    """Restore doubts from `doubts_bytes`."""
+def restore_doubts(content: bytes) -> tuple[Doubt, ...]:
+    """Restore doubts from `serialize_doubts`."""
     return tuple(Doubt(**doubt) for doubt in json.loads(content))
 
 
-def _tuples(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: _tuple(value) for name, value in values.items()}
+def _convert_to_tuples(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: _convert_to_tuple(value) for name, value in values.items()}
 
 
-def _tuple(value: Any) -> Any:
-    return tuple(_tuple(item) for item in value) if isinstance(value, list) else value
+def _convert_to_tuple(value: Any) -> Any:
+    return tuple(_convert_to_tuple(item) for item in value) if isinstance(value, list) else value
 
 
-def product_bytes(product: Product) -> bytes:
+def serialize_product(product: Product) -> bytes:
     """Serialize a product as arrays and one JSON document, without pickled objects."""
     tensors: dict[str, NDArray[Any]] = {}
     parts = []
@@ -217,8 +223,8 @@ def product_bytes(product: Product) -> bytes:
     return bytes(save(tensors))
 
 
-def product_of(content: bytes) -> Product:
-    """Restore a product from `product_bytes`.
+def restore_product(content: bytes) -> Product:
+    """Restore a product from `serialize_product`.
 
     Raises
     ------
@@ -285,7 +291,7 @@ class KeptStages:
             json.dumps([name, __version__, dict(made_from)], sort_keys=True).encode()
         ).hexdigest()
         path = None if self._folder is None else self._folder / f"{name}-{key}"
-        content = None if path is None else _kept(path)
+        content = None if path is None else _read_cached(path)
         if content is None:
             self._tell(f"{name} ...")
             content = make()
@@ -299,7 +305,7 @@ class KeptStages:
         return content, hashlib.sha256(content).hexdigest()
 
 
-def _kept(path: Path) -> bytes | None:
+def _read_cached(path: Path) -> bytes | None:
     """Return a cached result, or None if it is missing or damaged."""
     try:
         content = read_bytes(path, _MOST_BYTES)
@@ -335,53 +341,57 @@ class Findings:
     read_hash: str
 
 
-def found_in(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
+def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
     """Analyse a file or folder; stages with unchanged input come from the cache."""
     stages = KeptStages(settings.keep, tell)
     reading, tolerance_m = settings.reading, settings.tolerance_mm / 1000
     content, read_hash = stages.run(
         "reading",
         {
-            "content": _content_hash(path),
+            "content": _hash_content(path),
             "name": path.resolve().name,
             "unit": reading.unit,
             "chord_m": reading.chord_m,
             "split": reading.split_bodies,
             "density": reading.density_kg_m3,
         },
-        lambda: product_bytes(read_product(path, reading)),
+        lambda: serialize_product(read_product(path, reading)),
     )
-    product = product_of(content)
+    product = restore_product(content)
     _refuse_fine(path, product, tolerance_m)
     about = {"product": read_hash, "tolerance_m": tolerance_m}
     content, _ = stages.run(
         "joints",
         {**about, "source": settings.directions, "threads": settings.threads},
-        lambda: joints_bytes(
-            joints_of(product, tolerance_m, settings.directions, settings.threads)
+        lambda: serialize_joints(
+            find_joints(product, tolerance_m, settings.directions, settings.threads)
         ),
     )
-    joints = joints_from(content)
+    joints = restore_joints(content)
     content, blocked_hash = stages.run(
         "blocking",
         {**about, "directions": joints.directions},
-        lambda: blocked_bytes(
-            blocked_of(
-                product, joints.directions, tolerance_m, _progress(tell, product), settings.jobs
+        lambda: serialize_blocked(
+            find_blocked(
+                product,
+                joints.directions,
+                tolerance_m,
+                _report_progress(tell, product),
+                settings.jobs,
             )
         ),
     )
-    blocked = blocked_from(content)
+    blocked = restore_blocked(content)
     touching = [contact.parts for contact in joints.contacts if contact.kind != "thread"]
     content, _ = stages.run(
         "confirming",
         {**about, "blocked": blocked_hash, "touching": touching},
-        lambda: doubts_bytes(
+        lambda: serialize_doubts(
             Confirmation(product, tolerance_m).doubts(blocked.entries, touching, joints.directions)
         ),
     )
-    relation = relation_of(product, joints, blocked, tolerance_m, settings.threads)
-    doubts = doubts_from(content)
+    relation = assemble_relation(product, joints, blocked, tolerance_m, settings.threads)
+    doubts = restore_doubts(content)
     return Findings(product, joints, blocked, doubts, relation, stages, read_hash)
 
 
@@ -404,13 +414,13 @@ def _refuse_fine(path: Path, product: Product, tolerance_m: float) -> None:
         )
 
 
-def _content_hash(path: Path) -> str:
+def _hash_content(path: Path) -> str:
     """Return a hash of a file, or of the meshes of a folder with their names.
 
     An unreadable file has an empty hash; reading it later reports the error.
     """
     folder = is_folder(path)
-    files = mesh_files(path) if folder else [path]
+    files = list_mesh_files(path) if folder else [path]
     digest = hashlib.sha256()
     for file in files:
         try:
@@ -422,7 +432,7 @@ def _content_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _progress(tell: Tell, product: Product) -> Callable[[int, int], None]:
+def _report_progress(tell: Tell, product: Product) -> Callable[[int, int], None]:
     count = len(product)
 
     def report(done: int, of: int) -> None:

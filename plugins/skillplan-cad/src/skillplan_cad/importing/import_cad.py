@@ -12,20 +12,20 @@ from skillplan.files.atomic_file import write_as_one
 from skillplan.files.json_file import format_document
 from skillplan.files.output_path import check_output_folder, report_write_errors
 from skillplan.records.schemas import IMPORT
-from skillplan_cad.build_relation import waived_pairs
+from skillplan_cad.build_relation import list_waived_pairs
 from skillplan_cad.importing.exploded import Draw
-from skillplan_cad.importing.findings import Findings, Tell, found_in
-from skillplan_cad.importing.planned import planned
-from skillplan_cad.importing.settings import ImportSettings, settings_of
+from skillplan_cad.importing.findings import Findings, Tell, analyse_product
+from skillplan_cad.importing.planned import plan_product
+from skillplan_cad.importing.settings import ImportSettings, parse_settings
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Contact, Relation
-from skillplan_cad.relation_file import relation_text
+from skillplan_cad.relation_file import format_relation
 
 # Largest number of doubts printed one by one.
 _NAMED = 4
 
 
-def report_document(
+def build_report(
     findings: Findings,
     waived: Sequence[tuple[str, str, int]],
     settings: ImportSettings,
@@ -68,9 +68,9 @@ def report_document(
                 "allowed_mm3": round(interference.overlap_allowed_m3 * 1e9, 3),
                 "point_mm": _mm3(interference.overlap_point_m or (0.0, 0.0, 0.0)),
             }
-            for interference in interferences(relation)
+            for interference in list_interferences(relation)
         ],
-        "untouched": untouched(relation),
+        "untouched": list_untouched(relation),
         "doubts": [
             {
                 "part": doubt.part,
@@ -87,23 +87,23 @@ def report_document(
     }
 
 
-def interferences(relation: Relation) -> list[Contact]:
+def list_interferences(relation: Relation) -> list[Contact]:
     """Return the contacts with more overlap than allowed, the largest first."""
     overlapping = [contact for contact in relation.contacts if contact.interferes]
     return sorted(overlapping, key=lambda contact: (-contact.overlap_m3, contact.parts))
 
 
-def untouched(relation: Relation) -> list[str]:
+def list_untouched(relation: Relation) -> list[str]:
     """Return the parts without contact."""
     touched = {name for contact in relation.contacts for name in contact.parts}
     return [name for name in relation.names if name not in touched]
 
 
-def warnings(findings: Findings) -> list[str]:
+def list_warnings(findings: Findings) -> list[str]:
     """Return the warnings about a product, one sentence each."""
     product, relation = findings.product, findings.relation
     messages = []
-    for interference in interferences(relation):
+    for interference in list_interferences(relation):
         at = ", ".join(f"{value * 1000:.4g}" for value in interference.overlap_point_m or ())
         why = (
             f"of which chords explain {interference.overlap_allowed_m3 * 1e9:.3g}"
@@ -115,7 +115,7 @@ def warnings(findings: Findings) -> list[str]:
             f"{interference.overlap_m3 * 1e9:.4g} mm3 round [{at}] mm, {why}. Unless this is a "
             "press fit, correct it in CAD."
         )
-    loose = untouched(relation)
+    loose = list_untouched(relation)
     if loose:
         messages.append(
             f"{', '.join(loose)}: touch{'es' if len(loose) == 1 else ''} no other part; nothing "
@@ -194,25 +194,25 @@ def import_cad(
     OptionError
         If an input is invalid; no file is written then.
     """
-    settings = settings_of(given)
+    settings = parse_settings(given)
     path, folder = Path(source), check_output_folder("--out", out)
-    findings = found_in(path, settings, tell)
+    findings = analyse_product(path, settings, tell)
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
-        raise OptionError(_no_base(settings.base, relation))
-    plan = planned(path, findings, settings, draw)
+        raise OptionError(_describe_missing_base(settings.base, relation))
+    plan = plan_product(path, findings, settings, draw)
     relation = plan.relation
-    waived = waived_pairs(findings.joints, findings.blocked, settings.threads)
-    document = report_document(findings, waived, settings, path.name)
+    waived = list_waived_pairs(findings.joints, findings.blocked, settings.threads)
+    document = build_report(findings, waived, settings, path.name)
     document |= plan.document
     files = {
-        "relation.json": relation_text(relation),
+        "relation.json": format_relation(relation),
         "report.json": format_document(IMPORT, document) + "\n",
         **plan.files,
     }
     write(folder, files)
-    lines = (*_lines(product, relation), *plan.lines)
-    messages = (*warnings(findings), *plan.warnings)
+    lines = (*_list_findings(product, relation), *plan.lines)
+    messages = (*list_warnings(findings), *plan.warnings)
     return Imported(document, lines, messages, plan.complete)
 
 
@@ -239,11 +239,11 @@ def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
             raise
 
 
-def _no_base(base: str, relation: Relation) -> str:
+def _describe_missing_base(base: str, relation: Relation) -> str:
     return f"--base {base}: there is no such part. {name_hint(base, relation.names)}"
 
 
-def _lines(product: Product, relation: Relation) -> tuple[str, ...]:
+def _list_findings(product: Product, relation: Relation) -> tuple[str, ...]:
     kinds = [part.kind for part in relation.parts]
     counted = [
         f"{kinds.count(kind)} {kind}{'s' if kinds.count(kind) > 1 else ''}"

@@ -10,25 +10,25 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from skillplan_cad.importing.exploded import Draw, added_bodies
+from skillplan_cad.importing.exploded import Draw, place_bodies
 from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
-from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, with_groups
-from skillplan_cad.planning.bearing import ATTITUDES, Bearing, bearing_of, best_bearing
-from skillplan_cad.planning.precedence import members
+from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, add_groups
+from skillplan_cad.planning.bearing import ATTITUDES, Bearing, find_bearing, find_best_bearing
+from skillplan_cad.planning.precedence import list_members
 from skillplan_cad.planning.replay import Replay, replay
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
 from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import is_step
 from skillplan_cad.relation import Relation
-from skillplan_cad.relation_file import relation_text
+from skillplan_cad.relation_file import format_relation
 from skillplan_cad.writing.pieces_proof import ProvedPieces
-from skillplan_cad.writing.task_document import task_of
+from skillplan_cad.writing.task_document import WrittenTask, build_task
 from skillplan_cad.writing.top_grasp import Upright
 
 
-def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:
+def build_plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:
     """Return a plan as JSON; lengths in millimetres, vectors in the file's frame."""
     return {
         "base": plan.base,
@@ -36,12 +36,12 @@ def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict
         "complete": plan.complete,
         "cheapest": plan.cheapest,
         "cost": plan.cost,
-        "steps": [_step(step) for step in plan.steps],
+        "steps": [_build_step(step) for step in plan.steps],
         "subassemblies": [list(subassembly) for subassembly in plan.subassemblies],
-        "stuck": [_stuck(stuck, relation) for stuck in plan.stuck],
+        "stuck": [_build_stuck(stuck, relation) for stuck in plan.stuck],
         "locks": [
             {
-                "parts": [relation.names[part] for part in members(lock.parts)],
+                "parts": [relation.names[part] for part in list_members(lock.parts)],
                 "rounds": [[relation.names[part] for part in walk] for walk in lock.rounds],
             }
             for lock in plan.locks
@@ -54,7 +54,7 @@ def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict
                         for direction in alternative.directions
                         if direction < len(relation.directions)
                     ],
-                    "absent": [relation.names[part] for part in members(alternative.blockers)],
+                    "absent": [relation.names[part] for part in list_members(alternative.blockers)],
                 }
                 for alternative in plan.precedence.minimal(number)
             ]
@@ -79,7 +79,7 @@ def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict
     }
 
 
-def _step(step: Step) -> dict[str, Any]:
+def _build_step(step: Step) -> dict[str, Any]:
     return {
         "parts": list(step.parts),
         "onto": step.onto,
@@ -102,7 +102,7 @@ def _step(step: Step) -> dict[str, Any]:
     }
 
 
-def _stuck(stuck: Stuck, relation: Relation) -> dict[str, Any]:
+def _build_stuck(stuck: Stuck, relation: Relation) -> dict[str, Any]:
     among = set(stuck.among)
     return {
         "part": stuck.part,
@@ -123,7 +123,7 @@ def _stuck(stuck: Stuck, relation: Relation) -> dict[str, Any]:
     }
 
 
-def placement_document(upright: Upright) -> dict[str, Any]:
+def build_placement_document(upright: Upright) -> dict[str, Any]:
     """Return the pose of the product in the world of the task as JSON."""
     return {
         "turn": [[round(float(value), 9) + 0.0 for value in row] for row in upright.matrix],
@@ -131,7 +131,7 @@ def placement_document(upright: Upright) -> dict[str, Any]:
     }
 
 
-def pieces_document(proved: ProvedPieces, relation: Relation) -> dict[str, Any]:
+def build_pieces_document(proved: ProvedPieces, relation: Relation) -> dict[str, Any]:
     """Return the number of convex pieces and the pairs that they block wrongly as JSON."""
     return {
         "counts": {name: sum(map(len, pieces)) for name, pieces in proved.pieces.items()},
@@ -158,38 +158,38 @@ def _mm(value_m: float) -> float:
 AUTO = "auto"
 
 
-def attitude(product: Product, relation: Relation, up: str) -> Bearing:
+def choose_attitude(product: Product, relation: Relation, up: str) -> Bearing:
     """Return the supports with an axis of the file up, or with the best of them for `auto`."""
     if up == AUTO:
-        return best_bearing(product, relation)
-    return bearing_of(product, relation, ATTITUDES[up])
+        return find_best_bearing(product, relation)
+    return find_bearing(product, relation, ATTITUDES[up])
 
 
-def attitude_document(bearing: Bearing) -> dict[str, Any]:
+def build_attitude_document(bearing: Bearing) -> dict[str, Any]:
     """Return the up axis and the supports of each part as JSON."""
     return {
-        "up": axis_of(bearing),
+        "up": name_up_axis(bearing),
         "stands": [{"part": name, "on": list(bearing.on[name])} for name in bearing.order],
     }
 
 
-def attitude_warnings(
+def list_attitude_warnings(
     product: Product, relation: Relation, bearing: Bearing, requested: str
 ) -> list[str]:
     """Return warnings about the side that is up, one sentence each."""
     count = len(bearing.order) + len(bearing.why_not)
-    up, stand = axis_of(bearing), len(bearing.order)
+    up, stand = name_up_axis(bearing), len(bearing.order)
     warnings = []
     if requested == AUTO and up != next(iter(ATTITUDES)):
         warnings.append(
             f"{up} points up, as then {stand} of {count} parts stand by themselves, more than with "
             "any other axis; --up sets another."
         )
-    best = bearing if requested == AUTO else best_bearing(product, relation)
+    best = bearing if requested == AUTO else find_best_bearing(product, relation)
     if len(best.order) > stand:
         warnings.append(
             f"with {up} up {stand} of {count} parts stand by themselves; with --up "
-            f"{axis_of(best)} it would be {len(best.order)}."
+            f"{name_up_axis(best)} it would be {len(best.order)}."
         )
     if not stand:
         warnings.append(
@@ -199,7 +199,7 @@ def attitude_warnings(
     return warnings
 
 
-def axis_of(bearing: Bearing) -> str:
+def name_up_axis(bearing: Bearing) -> str:
     """Return the up axis as ``--up`` names it."""
     return next(name for name, up in ATTITUDES.items() if up == bearing.up)
 
@@ -207,23 +207,23 @@ def axis_of(bearing: Bearing) -> str:
 _PLAN, _REPLAY = TypeAdapter(AssemblyPlan), TypeAdapter(Replay)
 
 
-def plan_bytes(plan: AssemblyPlan) -> bytes:
+def serialize_plan(plan: AssemblyPlan) -> bytes:
     """Serialize a plan."""
     return _PLAN.dump_json(plan)
 
 
-def plan_from(content: bytes) -> AssemblyPlan:
-    """Restore a plan from `plan_bytes`."""
+def restore_plan(content: bytes) -> AssemblyPlan:
+    """Restore a plan from `serialize_plan`."""
     return _PLAN.validate_json(content)
 
 
-def replay_bytes(again: Replay) -> bytes:
+def serialize_replay(again: Replay) -> bytes:
     """Serialize a replay."""
     return _REPLAY.dump_json(again)
 
 
-def replay_from(content: bytes) -> Replay:
-    """Restore a replay from `replay_bytes`."""
+def restore_replay(content: bytes) -> Replay:
+    """Restore a replay from `serialize_replay`."""
     return _REPLAY.validate_json(content)
 
 
@@ -258,7 +258,7 @@ class Planned:
     warnings: tuple[str, ...]
 
 
-def planned(
+def plan_product(
     path: Path, findings: Findings, settings: ImportSettings, draw: Draw | None = None
 ) -> Planned:
     """Plan a product and write its task.
@@ -271,17 +271,17 @@ def planned(
         Draws `exploded.png`; None for no picture.
     """
     product, relation = findings.product, findings.relation
-    bearing = attitude(product, relation, settings.up)
+    bearing = choose_attitude(product, relation, settings.up)
     plan, again = _plan_and_replay(path, findings, settings, bearing)
-    document: dict[str, Any] = {"plan": plan_document(plan, again, relation)}
+    document: dict[str, Any] = {"plan": build_plan_document(plan, again, relation)}
     files: dict[str, str | bytes] = {}
     if draw is not None:
-        files["exploded.png"] = draw(product.name, added_bodies(product, plan))
-    warnings = []
+        files["exploded.png"] = draw(product.name, place_bodies(product, plan))
+    warnings = _list_warnings(plan, again)
     if plan.complete:
-        document["attitude"] = attitude_document(bearing)
-        warnings += attitude_warnings(product, relation, bearing, settings.up)
-        task = task_of(product, relation, plan, settings.robot, bearing)
+        document["attitude"] = build_attitude_document(bearing)
+        warnings += list_attitude_warnings(product, relation, bearing, settings.up)
+        task = build_task(product, relation, plan, settings.robot, bearing)
         document["left_out"] = dict(bearing.why_not if task is None else task.left_out)
         warnings += [
             f"{name} is left out: it {words}." for name, words in document["left_out"].items()
@@ -290,25 +290,25 @@ def planned(
             warnings.append("No part is left that one arm could place: no product.yaml is written.")
         else:
             files |= task.files
-            document["task_names"] = dict(task.names)
-            document["placement"] = placement_document(task.upright)
-            document["pieces"] = pieces_document(task.pieces, relation)
-            document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
-            warnings += [f"check refuses product.yaml: {words}" for words in task.faults]
-    limits = document.get("limits", {})
+            document |= _build_task_document(task, relation)
+            warnings += _list_task_warnings(task, document["pieces"])
     return Planned(
-        with_groups(relation, plan),
+        add_groups(relation, plan),
         plan.complete,
         document,
         files,
-        tuple(_lines(plan, again)),
-        (
-            *_warnings(plan, again),
-            *warnings,
-            *_limit_lines(limits),
-            *_piece_lines(document.get("pieces", {})),
-        ),
+        tuple(_list_lines(plan, again)),
+        tuple(warnings),
     )
+
+
+def _build_task_document(task: WrittenTask, relation: Relation) -> dict[str, Any]:
+    return {
+        "task_names": dict(task.names),
+        "placement": build_placement_document(task.upright),
+        "pieces": build_pieces_document(task.pieces, relation),
+        "limits": {name: list(lines) for name, lines in task.limits.items()},
+    }
 
 
 def _plan_and_replay(
@@ -322,32 +322,32 @@ def _plan_and_replay(
         "planning",
         {
             "product": findings.read_hash,
-            "relation": hashlib.sha256(relation_text(relation).encode()).hexdigest(),
+            "relation": hashlib.sha256(format_relation(relation).encode()).hexdigest(),
             "tolerance_m": tolerance_m,
             "base": settings.base,
             "up": bearing.up,
             "grounded": grounded,
         },
-        lambda: plan_bytes(
+        lambda: serialize_plan(
             Planner(product, relation, tolerance_m).plan(settings.base, bearing.up, grounded)
         ),
     )
-    plan = plan_from(content)
+    plan = restore_plan(content)
 
     def replayed() -> bytes:
-        finer = _finer(path, product, settings)
+        finer = _read_finer(path, product, settings)
         share = 1.0 if finer is product else _FINER
-        return replay_bytes(replay(finer, relation, plan, share * tolerance_m))
+        return serialize_replay(replay(finer, relation, plan, share * tolerance_m))
 
     content, _ = findings.stages.run(
         "replaying the plan with other meshes",
         {"product": findings.read_hash, "plan": plan_hash, "tolerance_m": tolerance_m},
         replayed,
     )
-    return plan, replay_from(content)
+    return plan, restore_replay(content)
 
 
-def _finer(path: Path, product: Product, settings: ImportSettings) -> Product:
+def _read_finer(path: Path, product: Product, settings: ImportSettings) -> Product:
     """Return the product with a finer tessellation, or the same product for meshes."""
     if path.suffix.lower() in MESHES or not is_step(path):
         return product
@@ -355,7 +355,7 @@ def _finer(path: Path, product: Product, settings: ImportSettings) -> Product:
     return read_product(path, replace(reading, chord_m=_FINER * reading.chord_m))
 
 
-def _lines(plan: AssemblyPlan, again: Replay) -> list[str]:
+def _list_lines(plan: AssemblyPlan, again: Replay) -> list[str]:
     order = [" with ".join(step.parts) for step in plan.steps]
     turns = sum(step.turn for step in plan.steps)
     lines = [f"base {plan.base}: {plan.why_base}"]
@@ -373,7 +373,7 @@ def _lines(plan: AssemblyPlan, again: Replay) -> list[str]:
     return lines
 
 
-def _warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
+def _list_warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
     warnings = []
     for stuck in plan.stuck:
         where = "; ".join(
@@ -391,7 +391,7 @@ def _warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
     for fault in again.faults[:_SHOWN]:
         warnings.append(
             f"the replay disagrees: {fault.part} and {fault.by} share "
-            f"{fault.thickness_m * 1000:.3g} mm round [{_words(fault.point_m)}] mm in step "
+            f"{fault.thickness_m * 1000:.3g} mm round [{_format_point(fault.point_m)}] mm in step "
             f"{fault.step}."
         )
     for subassembly in plan.subassemblies:
@@ -401,10 +401,8 @@ def _warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
     return warnings
 
 
-def _piece_lines(pieces: Mapping[str, Any]) -> list[str]:
-    pairs = {
-        " and ".join(sorted((pair["part"], pair["by"]))) for pair in pieces.get("differences", ())
-    }
+def _list_piece_warnings(pieces: Mapping[str, Any]) -> list[str]:
+    pairs = {" and ".join(sorted((pair["part"], pair["by"]))) for pair in pieces["differences"]}
     if not pairs:
         return []
     shown = "; ".join(sorted(pairs)[:_SHOWN])
@@ -415,9 +413,13 @@ def _piece_lines(pieces: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _limit_lines(limits: Mapping[str, list[str]]) -> list[str]:
-    return [f"{name} {words}." for name, lines in limits.items() for words in lines]
+def _list_task_warnings(task: WrittenTask, pieces: Mapping[str, Any]) -> list[str]:
+    return [
+        *(f"check refuses product.yaml: {words}" for words in task.faults),
+        *(f"{name} {words}." for name, lines in task.limits.items() for words in lines),
+        *_list_piece_warnings(pieces),
+    ]
 
 
-def _words(point_m: Vector) -> str:
+def _format_point(point_m: Vector) -> str:
     return ", ".join(f"{value * 1000:.4g}" for value in point_m)

@@ -9,7 +9,7 @@ from skillplan.errors import OptionError, name_hint
 from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan_cad.build_relation import Threads
 from skillplan_cad.joints.directions import Source
-from skillplan_cad.reading.mesh_folder import unit_m
+from skillplan_cad.reading.mesh_folder import resolve_unit_m
 from skillplan_cad.reading.product_reader import STEEL_KG_M3, ReadOptions
 
 _LEAST_MM, _MOST_MM = 0.001, 10.0
@@ -62,7 +62,7 @@ class ImportSettings:
 
     def __post_init__(self) -> None:
         if self.unit is not None:
-            unit_m(self.unit)
+            resolve_unit_m(self.unit)
         for option, value in (("--tolerance", self.tolerance_mm), ("--chord", self.chord_mm)):
             if value is not None and not _LEAST_MM <= value <= _MOST_MM:
                 raise OptionError(
@@ -86,7 +86,7 @@ class ImportSettings:
         return ReadOptions(self.unit, chord / 1000, self.split_bodies, self.density_kg_m3)
 
 
-def settings_of(given: dict[str, Any]) -> ImportSettings:
+def parse_settings(given: dict[str, Any]) -> ImportSettings:
     """Return settings from command-line options; None keeps a default.
 
     Raises

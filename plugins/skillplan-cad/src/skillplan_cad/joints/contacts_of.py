@@ -29,7 +29,7 @@ class Overlaps:
 
     def between(self, first: int, second: int) -> tuple[float, float, Floats] | None:
         """Return volume [mm3], surface [mm2] and centre [mm] of the parts' overlap, or None."""
-        solid, other = self._solid(first), self._solid(second)
+        solid, other = self._build_solid(first), self._build_solid(second)
         if solid is None or other is None:
             return None
         shared = solid ^ other
@@ -39,13 +39,13 @@ class Overlaps:
         box = np.asarray(shared.bounding_box(), dtype=np.float64)
         return volume, float(shared.surface_area()), (box[:3] + box[3:]) / 2
 
-    def _solid(self, number: int) -> Any:
+    def _build_solid(self, number: int) -> Any:
         if number not in self._solids:
-            self._solids[number] = _solid(self._product.parts[number])
+            self._solids[number] = _build_solid(self._product.parts[number])
         return self._solids[number]
 
 
-def _solid(part: Part) -> Any:
+def _build_solid(part: Part) -> Any:
     """Return a part as a manifold3d solid, or None if it is not a solid."""
     import manifold3d
 
@@ -112,7 +112,7 @@ class TouchTest:
     ) -> None:
         self._meshes, self._reach_mm = meshes, reach_m * 1000
         self._samples = [_samples(part, mesh) for part, mesh in zip(product, meshes, strict=True)]
-        self._flat = [_flat_triangles(part) for part in product.parts]
+        self._flat = [_mask_flat(part) for part in product.parts]
         self._low = np.stack([mesh.points_mm.min(axis=0) for mesh in meshes]) - self._reach_mm
         self._high = np.stack([mesh.points_mm.max(axis=0) for mesh in meshes]) + self._reach_mm
 
@@ -129,17 +129,17 @@ class TouchTest:
 
     def touch(self, first: int, second: int) -> Touch | None:
         """Return the contact area of two parts, or None; sampled on both for small parts."""
-        there = self._onto(first, second)
-        back = self._onto(second, first)
+        there = self._sample_onto(first, second)
+        back = self._sample_onto(second, first)
         area = max(there[3], back[3])
         if area <= 0:
             return None
         points, normals, areas, _, flat = there if there[3] >= back[3] else back
         if there[3] < back[3]:
             normals = -normals
-        return Touch(area, _distinct(normals, areas), _spread(points), flat)
+        return Touch(area, _merge_directions(normals, areas), _select_spread(points), flat)
 
-    def _onto(self, first: int, second: int) -> tuple[Floats, Floats, Floats, float, float]:
+    def _sample_onto(self, first: int, second: int) -> tuple[Floats, Floats, Floats, float, float]:
         samples = self._samples[first]
         inside = (samples.points_mm >= self._low[second]).all(axis=1) & (
             samples.points_mm <= self._high[second]
@@ -173,7 +173,7 @@ def _samples(part: Part, mesh: RayMesh) -> Samples:
     return Samples(points, mesh.normals[which], (area / count)[which], which)
 
 
-def _flat_triangles(part: Part) -> NDArray[np.bool_]:
+def _mask_flat(part: Part) -> NDArray[np.bool_]:
     is_flat = np.zeros(len(part.triangles), dtype=np.bool_)
     for face in part.faces:
         if face.kind == "plane":
@@ -181,7 +181,7 @@ def _flat_triangles(part: Part) -> NDArray[np.bool_]:
     return is_flat
 
 
-def _distinct(normals: Floats, areas: Floats) -> Floats:
+def _merge_directions(normals: Floats, areas: Floats) -> Floats:
     """Return the distinct directions among normals, the largest area first."""
     left = np.arange(len(normals))
     directions: list[Floats] = []
@@ -196,7 +196,7 @@ def _distinct(normals: Floats, areas: Floats) -> Floats:
     return np.array(directions)[order]
 
 
-def _spread(points: Floats) -> Floats:
+def _select_spread(points: Floats) -> Floats:
     """Return some points far from each other, corners of the contact first."""
     if len(points) <= _POINTS:
         return points
@@ -212,7 +212,7 @@ def _spread(points: Floats) -> Floats:
 _FLAT_SHARE = 0.5
 
 
-def contacts_of(
+def find_contacts(
     product: Product, test: BlockingTest, fits: Sequence[CylinderFit], tolerance_m: float
 ) -> tuple[Contact, ...]:
     """Return the contacts of a product.
@@ -242,11 +242,13 @@ def contacts_of(
         ]
         if touch is None and shared is None and not inside:
             continue
-        contacts.append(_contact(product, (first, second), touch, shared, inside, test.middle_m))
+        contacts.append(
+            _build_contact(product, (first, second), touch, shared, inside, test.middle_m)
+        )
     return tuple(contacts)
 
 
-def _contact(
+def _build_contact(
     product: Product,
     pair: tuple[int, int],
     touch: Touch | None,
@@ -269,7 +271,7 @@ def _contact(
         area_m2=touch.area_mm2 / 1e6 if touch is not None else 0.0,
         normals=tuple(_vector(normal) for normal in touch.normals) if touch is not None else (),
         axis=fit.shaft.axis if fit is not None else None,
-        axis_point_m=_middle_of(fit) if fit is not None else None,
+        axis_point_m=_find_middle(fit) if fit is not None else None,
         radius_m=fit.shaft.radius_m if fit is not None else None,
         radius_difference_m=fit.radius_difference_m if fit is not None else None,
         points_m=()
@@ -283,7 +285,7 @@ def _contact(
     )
 
 
-def _middle_of(fit: CylinderFit) -> Vector:
+def _find_middle(fit: CylinderFit) -> Vector:
     along = sum(fit.shared_m) / 2
     return _vector(np.asarray(fit.shaft.origin_m) + along * np.asarray(fit.shaft.axis))
 

@@ -44,10 +44,10 @@ class CylinderFit:
         return self.shared_m[1] - self.shared_m[0]
 
 
-def cylinder_fits(product: Product) -> list[CylinderFit]:
+def find_cylinder_fits(product: Product) -> list[CylinderFit]:
     """Return all cylinders in holes of other parts, in the order of the parts."""
-    shafts = [_cylinders(part, hollow=False) for part in product.parts]
-    holes = [_cylinders(part, hollow=True) for part in product.parts]
+    shafts = [_list_cylinders(part, hollow=False) for part in product.parts]
+    holes = [_list_cylinders(part, hollow=True) for part in product.parts]
     fits = []
     for inner, own in enumerate(shafts):
         for outer, others in enumerate(holes):
@@ -55,52 +55,52 @@ def cylinder_fits(product: Product) -> list[CylinderFit]:
                 continue
             for shaft in own:
                 for hole in others:
-                    shared = _shared_m(shaft, hole)
+                    shared = _find_shared_m(shaft, hole)
                     if shared is not None:
                         fits.append(CylinderFit(inner, outer, shaft, hole, shared))
     return fits
 
 
-def _cylinders(part: Part, *, hollow: bool) -> list[Face]:
+def _list_cylinders(part: Part, *, hollow: bool) -> list[Face]:
     """Return the cylinders of a part; the halves that CAD splits count once."""
     cylinders: list[Face] = []
     for face in part.faces:
         if face.kind != "cylinder" or face.hollow != hollow or face.radius_m <= 0:
             continue
-        if not any(_same(face, other) for other in cylinders):
+        if not any(_is_same(face, other) for other in cylinders):
             cylinders.append(face)
     return cylinders
 
 
-def _same(first: Face, second: Face) -> bool:
+def _is_same(first: Face, second: Face) -> bool:
     return (
         first.radius_m == second.radius_m
         and abs(np.dot(first.axis, second.axis)) > 1 - 1e-9
-        and _offset_m(first, second) < 1e-7
-        and np.allclose(sorted(_stretch_m(first, second)), first.extent_m, atol=1e-7)
+        and _measure_offset_m(first, second) < 1e-7
+        and np.allclose(sorted(_find_interval_m(first, second)), first.extent_m, atol=1e-7)
     )
 
 
-def _shared_m(shaft: Face, hole: Face) -> tuple[float, float] | None:
+def _find_shared_m(shaft: Face, hole: Face) -> tuple[float, float] | None:
     """Return the interval of the axis on which a shaft is in a hole, or None."""
     if np.linalg.norm(np.cross(shaft.axis, hole.axis)) > _PARALLEL_RAD:
         return None
     difference = hole.radius_m - shaft.radius_m
     if not -_NARROWER * shaft.radius_m <= difference <= max(_WIDER * shaft.radius_m, _WIDER_M):
         return None
-    if _offset_m(shaft, hole) > max(abs(difference), 0.02 * shaft.radius_m):
+    if _measure_offset_m(shaft, hole) > max(abs(difference), 0.02 * shaft.radius_m):
         return None
-    low, high = sorted(_stretch_m(shaft, hole))
+    low, high = sorted(_find_interval_m(shaft, hole))
     low, high = max(low, shaft.extent_m[0]), min(high, shaft.extent_m[1])
     return (low, high) if high - low > 0.05 * shaft.radius_m else None
 
 
-def _offset_m(first: Face, second: Face) -> float:
+def _measure_offset_m(first: Face, second: Face) -> float:
     offset = np.subtract(second.origin_m, first.origin_m)
     return float(np.linalg.norm(offset - (offset @ first.axis) * np.asarray(first.axis)))
 
 
-def _stretch_m(first: Face, second: Face) -> tuple[float, float]:
+def _find_interval_m(first: Face, second: Face) -> tuple[float, float]:
     """Return the interval of the second face along the axis of the first."""
     start = float(np.subtract(second.origin_m, first.origin_m) @ np.asarray(first.axis))
     sign = float(np.sign(np.dot(first.axis, second.axis)))

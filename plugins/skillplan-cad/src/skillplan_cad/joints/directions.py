@@ -19,7 +19,7 @@ Source = Literal["axes", "cylinders", "contacts"]
 _ONE_LINE_RAD, _MOST = 2e-3, 24
 
 
-def directions_of(
+def choose_directions(
     source: Source,
     fits: Sequence[CylinderFit],
     fasteners: Sequence[Fastener],
@@ -44,22 +44,22 @@ def directions_of(
         weights += [
             (fastener.diameter_m * fastener.length_m, fastener.axis) for fastener in fasteners
         ]
-        by_weight = _by_weight(weights)
+        by_weight = _rank_lines(weights)
         _add(lines, by_weight)
-        _add(lines, _frame(lines[3:]))
+        _add(lines, _find_frame(lines[3:]))
     if source == "contacts":
         flat = [contact for contact in contacts if contact.kind == "plane"]
-        _add(lines, _by_weight([(face.area_m2, n) for face in flat for n in face.normals[:3]]))
-        _add(lines, _edges(contacts))
+        _add(lines, _rank_lines([(face.area_m2, n) for face in flat for n in face.normals[:3]]))
+        _add(lines, _find_edges(contacts))
     return tuple(sign for line in lines for sign in (_vector(line), _vector(-line)))
 
 
-def _by_weight(weighted: Iterable[tuple[float, Vector]]) -> list[Floats]:
+def _rank_lines(weighted: Iterable[tuple[float, Vector]]) -> list[Floats]:
     """Return the distinct lines among vectors, the largest weight first."""
     lines: list[Floats] = []
     weights: list[float] = []
     for weight, vector in weighted:
-        line = _canonical(np.asarray(vector))
+        line = _normalize_line(np.asarray(vector))
         for number, known in enumerate(lines):
             if abs(known @ line) > np.cos(_ONE_LINE_RAD):
                 weights[number] += weight
@@ -79,7 +79,7 @@ def _add(lines: list[Floats], more: Iterable[Floats]) -> None:
             lines.append(line)
 
 
-def _frame(lines: Sequence[Floats]) -> list[Floats]:
+def _find_frame(lines: Sequence[Floats]) -> list[Floats]:
     """Return two lines across the first line, along other lines if those are perpendicular."""
     if not lines:
         return []
@@ -88,10 +88,10 @@ def _frame(lines: Sequence[Floats]) -> list[Floats]:
     across = square[0] if square else np.eye(3)[int(np.argmin(np.abs(first)))]
     across = across - (across @ first) * first
     across = across / np.linalg.norm(across)
-    return [_canonical(across), _canonical(np.cross(first, across))]
+    return [_normalize_line(across), _normalize_line(np.cross(first, across))]
 
 
-def _edges(contacts: Sequence[Contact]) -> list[Floats]:
+def _find_edges(contacts: Sequence[Contact]) -> list[Floats]:
     """Return the lines along which parts slide on two flat contacts at once."""
     normals: dict[str, list[tuple[float, Vector]]] = {}
     for contact in contacts:
@@ -108,10 +108,10 @@ def _edges(contacts: Sequence[Contact]) -> list[Floats]:
                 length = float(np.linalg.norm(line))
                 if length > 0.05:
                     crossed.append((min(area, other_area), _vector(line / length)))
-    return _by_weight(crossed)
+    return _rank_lines(crossed)
 
 
-def _canonical(line: Floats) -> Floats:
+def _normalize_line(line: Floats) -> Floats:
     """Return the unit vector of a line, with a positive first significant component."""
     unit = line / np.linalg.norm(line)
     leading = unit[int(np.argmax(np.abs(unit) > 1e-6))]

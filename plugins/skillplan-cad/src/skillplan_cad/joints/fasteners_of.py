@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_cad.joints.cylinder_fits import CylinderFit
-from skillplan_cad.joints.turned_shape import TurnedShape, turned_shape
+from skillplan_cad.joints.turned_shape import TurnedShape, describe_turned_shape
 from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.relation import Contact, Fastener, PartKind
 
@@ -48,7 +48,7 @@ class _Candidate:
     fits: tuple[CylinderFit, ...]
 
 
-def fasteners_of(
+def find_fasteners(
     product: Product,
     fits: Sequence[CylinderFit],
     contacts: Sequence[Contact],
@@ -67,27 +67,30 @@ def fasteners_of(
     """
     candidates = []
     for number, part in enumerate(product.parts):
-        shape = turned_shape(part)
+        shape = describe_turned_shape(part)
         if shape is not None:
             own = tuple(fit for fit in fits if fit.inner == number)
-            candidates.append(_Candidate(number, part, shape, _named(part), own))
+            candidates.append(_Candidate(number, part, shape, _recognise_name(part), own))
     fasteners: dict[int, Fastener] = {}
     for candidate in candidates:
-        by = _screw_by(candidate)
+        by = _find_screw_features(candidate)
         if by:
-            fasteners[candidate.number] = _screw(product, candidate, contacts, by, tolerance_m)
+            fasteners[candidate.number] = _build_screw(
+                product, candidate, contacts, by, tolerance_m
+            )
     screws = dict(fasteners)
     for candidate in candidates:
         if candidate.number not in fasteners:
-            ring = _ring(product, candidate, screws, contacts)
+            ring = _build_ring(product, candidate, screws, contacts)
             if ring is not None:
                 fasteners[candidate.number] = ring
     return tuple(
-        _with_nuts(product, fasteners[number], fasteners, contacts) for number in sorted(fasteners)
+        _attach_nuts(product, fasteners[number], fasteners, contacts)
+        for number in sorted(fasteners)
     )
 
 
-def _named(part: Part) -> PartKind | None:
+def _recognise_name(part: Part) -> PartKind | None:
     """Return the kind that a part's own name or its design's name implies, or None."""
     for text in (part.name.rpartition("/")[2], part.design):
         words = re.sub(r"([a-z])([A-Z])|[_\-]+", r"\1 \2", text)
@@ -97,7 +100,7 @@ def _named(part: Part) -> PartKind | None:
     return None
 
 
-def _screw_by(candidate: _Candidate) -> tuple[str, ...]:
+def _find_screw_features(candidate: _Candidate) -> tuple[str, ...]:
     """Return the features that make a candidate a screw or pin; empty if it is neither."""
     shape = candidate.shape
     if candidate.named in ("screw", "pin"):
@@ -112,7 +115,7 @@ def _screw_by(candidate: _Candidate) -> tuple[str, ...]:
     drive = shape.inner_planes in (2, 4, 6) or (head and shape.outer_planes == 6)
     tapped = any(
         fit.radius_difference_m < -_TAPPED * fit.shaft.radius_m
-        and _same_line(shape, np.asarray(fit.shaft.axis), np.asarray(fit.shaft.origin_m))
+        and _is_coaxial(shape, np.asarray(fit.shaft.axis), np.asarray(fit.shaft.origin_m))
         for fit in candidate.fits
     )
     threaded = _is_threaded(candidate.part, shape)
@@ -127,7 +130,7 @@ def _screw_by(candidate: _Candidate) -> tuple[str, ...]:
         if holds
     )
     enough = (head and (drive or threaded or tapped)) or (drive and (threaded or tapped))
-    gripped = any(_same_line_fit(shape, fit) for fit in candidate.fits) or threaded
+    gripped = any(_is_coaxial_fit(shape, fit) for fit in candidate.fits) or threaded
     return features if enough and gripped else ()
 
 
@@ -149,7 +152,7 @@ def _is_threaded(part: Part, shape: TurnedShape) -> bool:
     return area > 0 and free > 0.3 * area
 
 
-def _screw(
+def _build_screw(
     product: Product,
     candidate: _Candidate,
     contacts: Sequence[Contact],
@@ -160,7 +163,7 @@ def _screw(
     places: dict[str, float] = {}
     gripping: dict[str, float] = {}
     for fit in candidate.fits:
-        if not _same_line_fit(shape, fit):
+        if not _is_coaxial_fit(shape, fit):
             continue
         other = product.parts[fit.outer].name
         middle = sum(fit.shared_m) / 2
@@ -174,8 +177,8 @@ def _screw(
             other = contact.parts[1 - contact.parts.index(name)]
             along = (np.asarray(contact.points_m) - shape.origin_m) @ shape.axis
             places.setdefault(other, float(np.median(along)))
-    if not gripping and candidate.named != "pin" and "thread" in (*by, _threaded_word(candidate)):
-        gripping = _deepest_touched(shape, name, contacts)
+    if not gripping and candidate.named != "pin" and "thread" in (*by, _name_thread(candidate)):
+        gripping = _find_shank_contacts(shape, name, contacts)
     joins = tuple(sorted(places, key=lambda other: (-places[other], other)))
     # If CAD draws all holes as wide as the shank, the last one has the thread.
     threaded = (min(gripping, key=lambda other: (gripping[other], other)),) if gripping else ()
@@ -192,11 +195,11 @@ def _screw(
     )
 
 
-def _threaded_word(candidate: _Candidate) -> str:
+def _name_thread(candidate: _Candidate) -> str:
     return "thread" if _is_threaded(candidate.part, candidate.shape) else ""
 
 
-def _deepest_touched(
+def _find_shank_contacts(
     shape: TurnedShape, name: str, contacts: Sequence[Contact]
 ) -> dict[str, float]:
     """Return the positions of parts that touch the shank, for modelled threads."""
@@ -212,7 +215,7 @@ def _deepest_touched(
     return positions
 
 
-def _ring(
+def _build_ring(
     product: Product,
     candidate: _Candidate,
     screws: dict[int, Fastener],
@@ -223,8 +226,8 @@ def _ring(
     on = [
         (number, screw)
         for number, screw in screws.items()
-        if _same_line(shape, np.asarray(screw.axis), np.asarray(screw.point_m))
-        and _within(shape, product.parts[number])
+        if _is_coaxial(shape, np.asarray(screw.axis), np.asarray(screw.point_m))
+        and _passes_through(shape, product.parts[number])
     ]
     kind = candidate.named if candidate.named in ("nut", "washer") else None
     by: tuple[str, ...] = ("name",)
@@ -252,14 +255,14 @@ def _ring(
         length_m=shape.length_m,
         joins=(
             *own,
-            *(_pressed(candidate.part.name, axis, contacts) if kind == "nut" and on else ()),
+            *(_find_pressed(candidate.part.name, axis, contacts) if kind == "nut" and on else ()),
         ),
         threaded_in=own if kind == "nut" else (),
         by=by,
     )
 
 
-def _pressed(name: str, axis: Floats, contacts: Sequence[Contact]) -> tuple[str, ...]:
+def _find_pressed(name: str, axis: Floats, contacts: Sequence[Contact]) -> tuple[str, ...]:
     """Return the parts that a nut lies flat on; its axis points away from them."""
     parts = set()
     for contact in contacts:
@@ -270,7 +273,7 @@ def _pressed(name: str, axis: Floats, contacts: Sequence[Contact]) -> tuple[str,
     return tuple(sorted(parts))
 
 
-def _with_nuts(
+def _attach_nuts(
     product: Product,
     fastener: Fastener,
     fasteners: dict[int, Fastener],
@@ -285,11 +288,11 @@ def _with_nuts(
     return replace(fastener, threaded_in=nuts)
 
 
-def _same_line_fit(shape: TurnedShape, fit: CylinderFit) -> bool:
-    return _same_line(shape, np.asarray(fit.shaft.axis), np.asarray(fit.shaft.origin_m))
+def _is_coaxial_fit(shape: TurnedShape, fit: CylinderFit) -> bool:
+    return _is_coaxial(shape, np.asarray(fit.shaft.axis), np.asarray(fit.shaft.origin_m))
 
 
-def _same_line(shape: TurnedShape, axis: Floats, point_m: Floats) -> bool:
+def _is_coaxial(shape: TurnedShape, axis: Floats, point_m: Floats) -> bool:
     offset = point_m - shape.origin_m
     off = float(np.linalg.norm(offset - (offset @ shape.axis) * shape.axis))
     return bool(
@@ -297,7 +300,7 @@ def _same_line(shape: TurnedShape, axis: Floats, point_m: Floats) -> bool:
     )
 
 
-def _within(shape: TurnedShape, screw: Part) -> bool:
+def _passes_through(shape: TurnedShape, screw: Part) -> bool:
     """Return whether a screw passes through, or below, the parts on its axis."""
     along = (screw.vertices_m - shape.origin_m) @ shape.axis
     return bool(along.min() <= shape.high_m + 1e-4 and along.max() >= shape.low_m - 1e-4)

@@ -66,7 +66,7 @@ class TurnedShape:
         return self.shank.hollow
 
 
-def turned_shape(part: Part) -> TurnedShape | None:
+def describe_turned_shape(part: Part) -> TurnedShape | None:
     """Return a part about the axis of its largest cylinder, or None without cylinders.
 
     Outer cylinders have priority over holes.
@@ -75,25 +75,25 @@ def turned_shape(part: Part) -> TurnedShape | None:
     outer = [face for face in round_faces if not face.hollow] or round_faces
     if not outer:
         return None
-    main = max(outer, key=lambda face: face.radius_m * _length_m(face) * face.turn_rad)
+    main = max(outer, key=lambda face: face.radius_m * _measure_length_m(face) * face.turn_rad)
     axis, origin = np.asarray(main.axis), np.asarray(main.origin_m)
     if np.abs(axis).max() > 1 - 1e-9:
         # Axes fitted to triangles differ from the file's by rounding.
         axis = np.round(axis) + 0.0
-    shafts = [face for face in outer if _about(face, axis, origin)]
+    shafts = [face for face in outer if _is_coaxial(face, axis, origin)]
     bores = [
         round_face
         for round_face in round_faces
-        if round_face.hollow and _about(round_face, axis, origin)
+        if round_face.hollow and _is_coaxial(round_face, axis, origin)
     ]
-    shank = max(shafts, key=lambda shaft: (round(_length_m(shaft), 7), -shaft.radius_m))
-    along, radius = _profile(part, axis, origin)
+    shank = max(shafts, key=lambda shaft: (round(_measure_length_m(shaft), 7), -shaft.radius_m))
+    along, radius = _measure_profile(part, axis, origin)
     low, high = float(along[0]), float(along[-1])
     quarter = max(1, len(radius) // 4)
     # The drive of a headless screw marks its upper end.
     upper, lower = float(np.nanmax(radius[-quarter:])), float(np.nanmax(radius[:quarter]))
     if upper < lower * (1 - 1e-3) or (
-        upper < lower * (1 + 1e-3) and _drive_place(part, axis, origin) < (low + high) / 2
+        upper < lower * (1 + 1e-3) and _locate_drive(part, axis, origin) < (low + high) / 2
     ):
         axis, along, radius = -axis, -along[::-1], radius[::-1]
         low, high = -high, -low
@@ -102,7 +102,7 @@ def turned_shape(part: Part) -> TurnedShape | None:
     narrow = np.nan_to_num(radius, nan=0.0) <= limit
     wide = np.flatnonzero(~narrow)
     end = float(along[wide[0]]) if len(wide) else high
-    inner, outside = _planes_along(part, axis, origin)
+    inner, outside = _count_planes(part, axis, origin)
     return TurnedShape(
         axis,
         origin,
@@ -111,13 +111,13 @@ def turned_shape(part: Part) -> TurnedShape | None:
         shank,
         max(upper, lower),
         end - low,
-        max(bores, key=_length_m, default=None),
+        max(bores, key=_measure_length_m, default=None),
         inner,
         outside,
     )
 
 
-def _about(face: Face, axis: Floats, origin: Floats) -> bool:
+def _is_coaxial(face: Face, axis: Floats, origin: Floats) -> bool:
     offset = np.asarray(face.origin_m) - origin
     off = np.linalg.norm(offset - (offset @ axis) * axis)
     return bool(
@@ -125,11 +125,11 @@ def _about(face: Face, axis: Floats, origin: Floats) -> bool:
     )
 
 
-def _length_m(face: Face) -> float:
+def _measure_length_m(face: Face) -> float:
     return face.extent_m[1] - face.extent_m[0]
 
 
-def _profile(part: Part, axis: Floats, origin: Floats) -> tuple[Floats, Floats]:
+def _measure_profile(part: Part, axis: Floats, origin: Floats) -> tuple[Floats, Floats]:
     """Return positions along an axis, and the largest radius of the part at each."""
     offsets = part.vertices_m - origin
     along = offsets @ axis
@@ -144,12 +144,12 @@ def _profile(part: Part, axis: Floats, origin: Floats) -> tuple[Floats, Floats]:
     for first in range(0, _STEPS, count):
         rows = places[first : first + count, None]
         cut = (lowest <= rows + slack) & (highest >= rows - slack)
-        radii = _radii_at(corners_along, corners_radius, rows, cut)
+        radii = _measure_radii(corners_along, corners_radius, rows, cut)
         profile[first : first + count] = np.where(cut.any(axis=1), radii, np.nan)
     return places, profile
 
 
-def _radii_at(along: Floats, radius: Floats, rows: Floats, cut: NDArray[np.bool_]) -> Floats:
+def _measure_radii(along: Floats, radius: Floats, rows: Floats, cut: NDArray[np.bool_]) -> Floats:
     """Return the largest radius at each place among the triangles cut there."""
     best = np.zeros(len(rows))
     for first, second in ((0, 1), (1, 2), (2, 0)):
@@ -162,7 +162,7 @@ def _radii_at(along: Floats, radius: Floats, rows: Floats, cut: NDArray[np.bool_
     return np.asarray(best)
 
 
-def _planes_along(part: Part, axis: Floats, origin: Floats) -> tuple[int, int]:
+def _count_planes(part: Part, axis: Floats, origin: Floats) -> tuple[int, int]:
     """Return the largest numbers of flat faces at one distance that face the axis and away."""
     counts: dict[tuple[bool, int], int] = {}
     for face in part.faces:
@@ -176,7 +176,7 @@ def _planes_along(part: Part, axis: Floats, origin: Floats) -> tuple[int, int]:
     return inner, outer
 
 
-def _drive_place(part: Part, axis: Floats, origin: Floats) -> float:
+def _locate_drive(part: Part, axis: Floats, origin: Floats) -> float:
     """Return the mean position of flat drive faces along the axis; infinity without any."""
     places = [
         float(np.mean((part.vertices_m[np.unique(part.triangles[face.triangles])] - origin) @ axis))

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from skillplan_cad.planning.free_paths import FreePath, Move, free_path
+from skillplan_cad.planning.free_paths import FreePath, Move, find_free_path
 from skillplan_cad.planning.precedence import (
     Precedence,
-    as_set,
-    members,
-    precedence_of,
-    touching,
+    derive_precedence,
+    encode_set,
+    find_touching,
+    list_members,
 )
 from skillplan_cad.planning.sequence import Removal, Sequencer
 from skillplan_cad.planning.stability import Stability
@@ -79,7 +79,7 @@ class Groups:
         return tuple(split.moved for split in self.splits if split.moved & (split.moved - 1))
 
 
-def groups_of(relation: Relation, precedence: Precedence, fixed: int = 0) -> Groups:
+def find_groups(relation: Relation, precedence: Precedence, fixed: int = 0) -> Groups:
     """Return the sub-assemblies and the locked sets of a product.
 
     Parameters
@@ -92,7 +92,7 @@ def groups_of(relation: Relation, precedence: Precedence, fixed: int = 0) -> Gro
         The base, which never moves, as a bit.
     """
     core = precedence.core(fixed=fixed)
-    blocked = _blocked_by(relation, precedence)
+    blocked = _collect_blockers(relation, precedence)
     splits: list[Split] = []
     locks: list[Lock] = []
     waiting = [core]
@@ -100,9 +100,9 @@ def groups_of(relation: Relation, precedence: Precedence, fixed: int = 0) -> Gro
         parts = precedence.core(waiting.pop(), fixed)
         if not parts & (parts - 1):
             continue
-        split = _smallest_split(parts, blocked, fixed)
+        split = _find_smallest_split(parts, blocked, fixed)
         if split is None:
-            locks.append(Lock(parts, _rounds(parts, blocked)))
+            locks.append(Lock(parts, _find_rounds(parts, blocked)))
         else:
             splits.append(split)
             waiting += [split.left, split.moved]
@@ -110,9 +110,9 @@ def groups_of(relation: Relation, precedence: Precedence, fixed: int = 0) -> Gro
     return Groups(0 if alone else core, tuple(splits), tuple(locks))
 
 
-def holds(lock: Lock, relation: Relation) -> bool:
+def verify_lock(lock: Lock, relation: Relation) -> bool:
     """Return whether a lock's rounds are closed walks through all its parts along blockings."""
-    parts = set(members(lock.parts))
+    parts = set(list_members(lock.parts))
     matrix = relation.matrix
     return len(lock.rounds) == len(relation.directions) and all(
         set(walk) == parts
@@ -123,7 +123,7 @@ def holds(lock: Lock, relation: Relation) -> bool:
     )
 
 
-def _blocked_by(relation: Relation, precedence: Precedence) -> list[list[int]]:
+def _collect_blockers(relation: Relation, precedence: Precedence) -> list[list[int]]:
     """Return the set of blockers for each direction and part."""
     blockers_of = [[0] * len(relation.parts) for _ in relation.directions]
     for part, alternatives in enumerate(precedence.alternatives):
@@ -134,27 +134,27 @@ def _blocked_by(relation: Relation, precedence: Precedence) -> list[list[int]]:
     return blockers_of
 
 
-def split_of(relation: Relation, precedence: Precedence, parts: int, fixed: int) -> Split | None:
+def find_split(relation: Relation, precedence: Precedence, parts: int, fixed: int) -> Split | None:
     """Return the smallest part set that can leave the others as one, or None.
 
     Parameters
     ----------
     relation, precedence
-        As for `groups_of`.
+        As for `find_groups`.
     parts
         The set to split, as bits.
     fixed
         Parts that do not move, as bits.
     """
-    return _smallest_split(parts, _blocked_by(relation, precedence), fixed)
+    return _find_smallest_split(parts, _collect_blockers(relation, precedence), fixed)
 
 
-def _smallest_split(parts: int, blocked: list[list[int]], fixed: int) -> Split | None:
+def _find_smallest_split(parts: int, blocked: list[list[int]], fixed: int) -> Split | None:
     """Return the smallest set that can leave the rest; ties go to the first direction."""
     best: Split | None = None
     for direction, blockers in enumerate(blocked):
-        for part in members(parts):
-            moved = _closure(part, parts, blockers)
+        for part in list_members(parts):
+            moved = _find_closure(part, parts, blockers)
             if moved == parts or moved & fixed:
                 continue
             if best is None or moved.bit_count() < best.moved.bit_count():
@@ -162,45 +162,45 @@ def _smallest_split(parts: int, blocked: list[list[int]], fixed: int) -> Split |
     return best
 
 
-def _closure(part: int, parts: int, blockers: list[int]) -> int:
+def _find_closure(part: int, parts: int, blockers: list[int]) -> int:
     """Return all parts that must move together with a part."""
     moved = frontier = 1 << part
     while frontier:
         met = 0
-        for member in members(frontier):
+        for member in list_members(frontier):
             met |= blockers[member]
         frontier = met & parts & ~moved
         moved |= frontier
     return moved
 
 
-def _rounds(parts: int, blocked: list[list[int]]) -> tuple[tuple[int, ...], ...]:
+def _find_rounds(parts: int, blocked: list[list[int]]) -> tuple[tuple[int, ...], ...]:
     """Return a closed walk through the whole set for each direction."""
-    return tuple(_round(parts, blockers) for blockers in blocked)
+    return tuple(_find_round(parts, blockers) for blockers in blocked)
 
 
-def _round(parts: int, blockers: list[int]) -> tuple[int, ...]:
+def _find_round(parts: int, blockers: list[int]) -> tuple[int, ...]:
     """Return a closed walk through all parts of a strongly connected set."""
-    start = next(members(parts))
+    start = next(list_members(parts))
     walk, here = [start], start
     missing = parts & ~(1 << start)
     while missing:
-        way = _way(here, missing, parts, blockers)
+        way = _find_walk(here, missing, parts, blockers)
         walk += way
         here = way[-1]
         for part in way:
             missing &= ~(1 << part)
     if here != start:
-        walk += _way(here, 1 << start, parts, blockers)[:-1]
+        walk += _find_walk(here, 1 << start, parts, blockers)[:-1]
     return tuple(walk)
 
 
-def _way(start: int, targets: int, parts: int, blockers: list[int]) -> list[int]:
+def _find_walk(start: int, targets: int, parts: int, blockers: list[int]) -> list[int]:
     """Return the shortest walk from a part to any target, without the start."""
     came: dict[int, int] = {start: start}
     queue = [start]
     for part in queue:
-        for by in members(blockers[part] & parts):
+        for by in list_members(blockers[part] & parts):
             if by in came:
                 continue
             came[by] = part
@@ -213,9 +213,9 @@ def _way(start: int, targets: int, parts: int, blockers: list[int]) -> list[int]
     raise ValueError("the set is not strongly connected")
 
 
-def names_of(parts: int, precedence: Precedence) -> tuple[str, ...]:
+def list_names(parts: int, precedence: Precedence) -> tuple[str, ...]:
     """Return the names of the parts in a set, in order."""
-    return tuple(precedence.names[part] for part in members(parts))
+    return tuple(precedence.names[part] for part in list_members(parts))
 
 
 DRIVER, GRIPPER = "screwdriver", "gripper"
@@ -362,7 +362,7 @@ class Planner:
     ) -> None:
         self._product, self._relation = product, relation
         self._tolerance_m, self._budget = tolerance_m, budget
-        self._touches = touching(relation)
+        self._touches = find_touching(relation)
         self._stability = Stability(product, relation)
         self._tools = _tools(relation)
 
@@ -384,12 +384,12 @@ class Planner:
             Names of the parts that stand on the table by themselves. The base is chosen among them
             if all others come off one of them.
         """
-        precedence = precedence_of(self._relation)
-        number, why = self._base(precedence, base, grounded)
-        locks = groups_of(self._relation, precedence, 1 << number).locks
+        precedence = derive_precedence(self._relation)
+        number, why = self._choose_base(precedence, base, grounded)
+        locks = find_groups(self._relation, precedence, 1 << number).locks
         work = _Work(precedence, list(self._relation.directions))
         self._take_apart(work, precedence.everything, number, up)
-        steps = tuple(self._step(work, *removed) for removed in reversed(work.removed))
+        steps = tuple(self._build_step(work, *removed) for removed in reversed(work.removed))
         return AssemblyPlan(
             self._relation.names[number],
             why,
@@ -402,7 +402,7 @@ class Planner:
             work.cheapest,
         )
 
-    def _base(
+    def _choose_base(
         self, precedence: Precedence, requested: str | None, grounded: Collection[str]
     ) -> tuple[int, str]:
         """Return the base and the reason for it."""
@@ -442,7 +442,7 @@ class Planner:
             work.cheapest = work.cheapest and sequence.cheapest
             if present == 1 << base:
                 return
-            split = split_of(self._relation, work.precedence, present, 1 << base)
+            split = find_split(self._relation, work.precedence, present, 1 << base)
             if split is not None:
                 self._take_off(work, split.moved, split.direction, present, base, up)
                 present = split.left
@@ -456,27 +456,29 @@ class Planner:
         """Remove a sub-assembly as one, then disassemble it."""
         vector = work.directions[direction]
         above = up if float(np.dot(up, vector)) > -1e-3 else vector
-        first = next(members(moved))
+        first = next(list_members(moved))
         single = Removal(first, direction, above, GRIPPER, above != up, True, False, True)
         work.removed.append((moved, single, present, base))
-        masses = {n: self._product.parts[n].mass_kg for n in members(moved)}
+        masses = {n: self._product.parts[n].mass_kg for n in list_members(moved)}
         inner = max(masses, key=lambda n: (masses[n], -n))
-        names = names_of(moved & ~(1 << inner), work.precedence)
+        names = list_names(moved & ~(1 << inner), work.precedence)
         work.subassemblies.append((work.precedence.names[inner], *names))
         self._take_apart(work, moved, inner, above)
 
     def _find_path(self, work: _Work, present: int, base: int) -> bool:
         """Search a path for one of the remaining parts, the smallest first."""
         parts = self._product.parts
-        for part in sorted(members(present & ~(1 << base)), key=lambda n: (parts[n].volume_m3, n)):
+        for part in sorted(
+            list_members(present & ~(1 << base)), key=lambda n: (parts[n].volume_m3, n)
+        ):
             if (part, present) in work.searched:
                 continue
             fastener = self._relation.fastener(parts[part].name)
-            gripped = as_set(
+            gripped = encode_set(
                 [self._product.index(name) for name in (fastener.threaded_in if fastener else ())]
             )
-            standing = [parts[n] for n in members(present & ~(1 << part) & ~gripped)]
-            path = free_path([parts[part]], standing, self._tolerance_m, self._budget)
+            standing = [parts[n] for n in list_members(present & ~(1 << part) & ~gripped)]
+            path = find_free_path([parts[part]], standing, self._tolerance_m, self._budget)
             work.searched[part, present] = path
             if path.outcome == "free":
                 number = len(work.directions)
@@ -492,11 +494,13 @@ class Planner:
 
     def _note_stuck(self, work: _Work, present: int, base: int) -> None:
         names = work.precedence.names
-        for part in members(present & ~(1 << base)):
-            among = names_of(present & ~(1 << part), work.precedence)
+        for part in list_members(present & ~(1 << base)):
+            among = list_names(present & ~(1 << part), work.precedence)
             work.stuck.append(Stuck(names[part], among, work.searched[part, present]))
 
-    def _step(self, work: _Work, moved: int, removal: Removal, present: int, base: int) -> Step:
+    def _build_step(
+        self, work: _Work, moved: int, removal: Removal, present: int, base: int
+    ) -> Step:
         """Return the assembly step that reverses a removal."""
         held: tuple[int, ...] = () if removal.stays else (removal.part,)
         if len(self._product) <= _MOST_FOR_ALL_FORCES:
@@ -506,7 +510,7 @@ class Planner:
         along = tuple(float(component) + 0.0 for component in -vector)
         names = work.precedence.names
         return Step(
-            names_of(moved, work.precedence),
+            list_names(moved, work.precedence),
             names[base],
             (along[0], along[1], along[2]),
             path.moves if path else (),
@@ -519,9 +523,9 @@ class Planner:
         )
 
 
-def with_groups(relation: Relation, plan: AssemblyPlan) -> Relation:
+def add_groups(relation: Relation, plan: AssemblyPlan) -> Relation:
     """Return a relation with the sub-assemblies and stuck parts of a plan."""
-    groups = [names_of(lock.parts, plan.precedence) for lock in plan.locks]
+    groups = [list_names(lock.parts, plan.precedence) for lock in plan.locks]
     groups += [tuple(sorted(subassembly, key=relation.index)) for subassembly in plan.subassemblies]
     stuck = tuple(sorted((stuck_part.part for stuck_part in plan.stuck), key=relation.index))
     return replace(relation, groups=tuple(dict.fromkeys(groups)), stuck=stuck)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.planning.stability import axes_across, is_over
+from skillplan_cad.planning.stability import find_axes_across, is_over
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Contact, Relation
 
@@ -60,7 +60,7 @@ class Bearing:
     why_not: Mapping[str, str] = field(default_factory=dict)
 
 
-def bearing_of(product: Product, relation: Relation, up: Vector) -> Bearing:
+def find_bearing(product: Product, relation: Relation, up: Vector) -> Bearing:
     """Return the supports of each part that a hand brings, in one orientation.
 
     The lowest parts are left out if more parts then stand in one group, such as above a cap that
@@ -69,11 +69,11 @@ def bearing_of(product: Product, relation: Relation, up: Vector) -> Bearing:
     return _Standing(product, relation, up).best()
 
 
-def best_bearing(product: Product, relation: Relation) -> Bearing:
+def find_best_bearing(product: Product, relation: Relation) -> Bearing:
     """Return the orientation that supports the most parts; the first wins ties."""
     best: Bearing | None = None
     for up in ATTITUDES.values():
-        bearing = bearing_of(product, relation, up)
+        bearing = find_bearing(product, relation, up)
         if best is None or len(bearing.order) > len(best.order):
             best = bearing
         if not best.why_not:
@@ -86,7 +86,7 @@ class _Standing:
     """A product in one orientation."""
 
     def __init__(self, product: Product, relation: Relation, up: Vector) -> None:
-        self._up, self._vector, self._plan = up, np.asarray(up), axes_across(up)
+        self._up, self._vector, self._plan = up, np.asarray(up), find_axes_across(up)
         self._product, self._relation = product, relation
         driven = relation.driven
         self._parts = {part.name: part for part in product if part.name not in driven}
@@ -99,7 +99,7 @@ class _Standing:
         }
         self._beneath: dict[str, dict[str, Array]] = {name: {} for name in self._parts}
         for contact in relation.contacts:
-            for upper, lower, points in self._level(contact):
+            for upper, lower, points in self._find_level_contacts(contact):
                 if upper in self._parts and lower in self._parts:
                     self._beneath[upper][lower] = points
 
@@ -108,17 +108,17 @@ class _Standing:
         present = set(self._parts)
         best: dict[str, tuple[str, ...]] = {}
         while len(present) > len(best):
-            borne = self._borne(present)
+            borne = self._find_supported(present)
             # Without its base, the rest of the product must be in one piece.
-            whole = len(present) == len(self._parts) or self._hang_together(borne)
+            whole = len(present) == len(self._parts) or self._is_connected(borne)
             if len(borne) > len(best) and whole:
                 best = borne
             ground = min(self._lowest[name] for name in present)
             present = {name for name in present if self._lowest[name] > ground + _TOUCH_M}
         others = [name for name in self._parts if name not in best]
-        return Bearing(self._up, tuple(best), best, {n: self._reason(n, best) for n in others})
+        return Bearing(self._up, tuple(best), best, {n: self._explain(n, best) for n in others})
 
-    def _borne(self, present: Collection[str]) -> dict[str, tuple[str, ...]]:
+    def _find_supported(self, present: Collection[str]) -> dict[str, tuple[str, ...]]:
         """Return the supported parts in order, each with its supports."""
         ground = min(self._lowest[name] for name in present)
         supports_of: dict[str, tuple[str, ...]] = {}
@@ -128,7 +128,7 @@ class _Standing:
                 bearers = [other for other in self._beneath[name] if other in supports_of]
                 corners = [self._beneath[name][bearer] for bearer in bearers]
                 if self._lowest[name] < ground + _TOUCH_M:
-                    corners.append(self._foot(name))
+                    corners.append(self._find_foot(name))
                 if corners and is_over(self._centres[name], np.concatenate(corners)):
                     supports_of[name] = tuple(bearers)
                     waiting.remove(name)
@@ -136,7 +136,7 @@ class _Standing:
             else:
                 return supports_of
 
-    def _hang_together(self, names: Collection[str]) -> bool:
+    def _is_connected(self, names: Collection[str]) -> bool:
         """Return whether contacts connect all parts."""
         pairs = [
             contact.parts for contact in self._relation.contacts if set(contact.parts) <= set(names)
@@ -146,7 +146,7 @@ class _Standing:
             reached |= more
         return len(reached) == len(names)
 
-    def _foot(self, name: str) -> Array:
+    def _find_foot(self, name: str) -> Array:
         """Return the corners of the level faces that a part stands on, in plan view."""
         part = self._parts[name]
         corners = part.vertices_m[part.triangles]
@@ -159,7 +159,7 @@ class _Standing:
         low = (heights < self._lowest[name] + _TOUCH_M).all(axis=1)
         return np.asarray(corners[level & low].reshape(-1, 3) @ self._plan.T)
 
-    def _level(self, contact: Contact) -> Iterator[tuple[str, str, Array]]:
+    def _find_level_contacts(self, contact: Contact) -> Iterator[tuple[str, str, Array]]:
         """Yield which part of a contact stands on the other, and where in plan."""
         points = np.asarray(contact.points_m).reshape(-1, 3)
         if not len(points) or (
@@ -173,16 +173,16 @@ class _Standing:
             (second, first, (normals > _LEVEL).any()),
         ):
             if there:
-                yield upper, lower, self._at_one_height(points) @ self._plan.T
+                yield upper, lower, self._select_level_points(points) @ self._plan.T
 
-    def _at_one_height(self, points: Array) -> Array:
+    def _select_level_points(self, points: Array) -> Array:
         """Return the points that share their height with others: those on a level face."""
         heights = np.round(points @ self._vector / _SAME_M)
         _, which, counts = np.unique(heights, return_inverse=True, return_counts=True)
         level = counts[which] >= _FEWEST_POINTS
         return np.asarray(points[level] if level.any() else points)
 
-    def _reason(self, name: str, borne: Collection[str]) -> str:
+    def _explain(self, name: str, borne: Collection[str]) -> str:
         """Return the reason why a part lacks support."""
         beneath = list(self._beneath[name])
         there = [other for other in beneath if other in borne]
@@ -195,20 +195,22 @@ class _Standing:
         ]
         ground = min((self._lowest[supported] for supported in borne), default=-np.inf)
         below = self._lowest[name] < ground - _TOUCH_M
-        if below and is_over(self._centres[name], self._foot(name)):
+        if below and is_over(self._centres[name], self._find_foot(name)):
             return "stands lower than all others, more of which stand without it"
         if there:
-            return f"would tip off {_listed(there)}: its centre of mass is beside what bears it"
+            return (
+                f"would tip off {_format_names(there)}: its centre of mass is beside what bears it"
+            )
         if beneath:
-            return f"stands on {_listed(beneath)} alone, which nothing bears"
+            return f"stands on {_format_names(beneath)} alone, which nothing bears"
         if touched:
             return (
-                f"has no level face beneath it: only its fit to {_listed(touched)} holds it, which "
-                "takes a second hand, a press or a nest"
+                f"has no level face beneath it: only its fit to {_format_names(touched)} holds it, "
+                "which takes a second hand, a press or a nest"
             )
         return "has nothing beneath it: it touches no other part"
 
 
-def _listed(names: list[str]) -> str:
+def _format_names(names: list[str]) -> str:
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return " or ".join(names[:_SHOWN]) + more

@@ -20,11 +20,11 @@ from skillplan_cad.planning.motion_space import (
     Axis,
     Met,
     Surroundings,
-    axes_of,
-    stops,
-    turned,
+    find_axes,
+    list_stops,
+    rotate_about,
 )
-from skillplan_cad.planning.shrunk_meshes import mesh_trees
+from skillplan_cad.planning.shrunk_meshes import build_mesh_trees
 from skillplan_cad.product import Part, Vector
 
 Outcome = Literal["free", "closed", "budget spent"]
@@ -75,7 +75,7 @@ class FreePath:
     in_the_way: tuple[Met, ...]
 
 
-def free_path(
+def find_free_path(
     moving: Sequence[Part],
     standing: Sequence[Part],
     tolerance_m: float = 1e-4,
@@ -101,7 +101,7 @@ def free_path(
     straight = _search(space, (), budget)
     if straight.outcome == "free" or not turns:
         return straight
-    turning = _search(space, axes_of(moving), budget)
+    turning = _search(space, find_axes(moving), budget)
     met = {obstacle.part: obstacle for obstacle in (*turning.in_the_way, *straight.in_the_way)}
     ordered = {
         obstacle.part: met[obstacle.part]
@@ -122,7 +122,7 @@ class _Node:
     turn: int = 0
 
 
-def _signs(here: _Node, there: _Node) -> tuple[int, ...]:
+def _compute_signs(here: _Node, there: _Node) -> tuple[int, ...]:
     """Return the signs of a move along the axes, and 1 for a turn."""
     steps = (there.x - here.x, there.y - here.y, there.z - here.z)
     return (*((step > 0) - (step < 0) for step in steps), int(here.turn != there.turn))
@@ -137,8 +137,10 @@ class _Space:
         self.fine_m = tolerance_m
         # Parts that overlap by twice the tolerance still collide.
         inset_m = _INSET_SHARE * tolerance_m
-        self.surroundings = Surroundings(mesh_trees(moving, inset_m), mesh_trees(standing, inset_m))
-        self.offsets = stops(moving, standing, tolerance_m)
+        self.surroundings = Surroundings(
+            build_mesh_trees(moving, inset_m), build_mesh_trees(standing, inset_m)
+        )
+        self.offsets = list_stops(moving, standing, tolerance_m)
         points = np.concatenate([part.vertices_m for part in moving])
         self._points = points
         self.bend_m = _BEND_SHARE * float(np.ptp(points, axis=0).min())
@@ -160,7 +162,9 @@ class _Space:
         """Return a rotation as matrix and offset, from a cache."""
         key = (axis, angle_rad)
         if key not in self._turns:
-            self._turns[key] = (np.eye(3), np.zeros(3)) if axis is None else turned(axis, angle_rad)
+            self._turns[key] = (
+                (np.eye(3), np.zeros(3)) if axis is None else rotate_about(axis, angle_rad)
+            )
         return self._turns[key]
 
     def box(self, axis: Axis | None, angle_rad: float) -> tuple[Array, Array]:
@@ -191,16 +195,18 @@ class _Space:
         for k in range(1, number + 1):
             share = k / number
             angle = angles[0] + share * (angles[1] - angles[0])
-            matrix, by = self.turn(axis, angle) if angles[0] == angles[1] else _fresh(axis, angle)
+            matrix, by = (
+                self.turn(axis, angle) if angles[0] == angles[1] else _compute_turn(axis, angle)
+            )
             met = self.surroundings.meets(matrix, by + ends[0] + share * (ends[1] - ends[0]))
             if met is not None:
                 return met
         return None
 
 
-def _fresh(axis: Axis | None, angle_rad: float) -> tuple[Array, Array]:
+def _compute_turn(axis: Axis | None, angle_rad: float) -> tuple[Array, Array]:
     assert axis is not None
-    return turned(axis, angle_rad)
+    return rotate_about(axis, angle_rad)
 
 
 class _Search:
@@ -242,15 +248,15 @@ class _Search:
             self._meets[there] = self.space.surroundings.meets(matrix, offset)
         met = self._meets[there]
         if met is None:
-            met = self._between(node, there, _COARSE_STEP * self.space.fine_m)
+            met = self._check_between(node, there, _COARSE_STEP * self.space.fine_m)
         return met
 
-    def _between(self, node: _Node, there: _Node, step: float) -> Met | None:
-        axis, angles = self._turn_between(node, there)
+    def _check_between(self, node: _Node, there: _Node, step: float) -> Met | None:
+        axis, angles = self._find_turn(node, there)
         ends = (self.space.offset(node), self.space.offset(there))
         return self.space.meets_between(axis, angles, ends, step)
 
-    def _turn_between(self, node: _Node, there: _Node) -> tuple[Axis | None, tuple[float, float]]:
+    def _find_turn(self, node: _Node, there: _Node) -> tuple[Axis | None, tuple[float, float]]:
         """Return the rotation axis of a move, and its first and last angle."""
         (first, before), (second, after) = self.pose(node), self.pose(there)
         if abs(after - before) > np.pi:  # through half a turn
@@ -262,7 +268,11 @@ class _Search:
         before = self.came.get(node)
         if before is None:
             return 0.0
-        return 0.0 if _signs(before, node) == _signs(node, there) else self.space.bend_m
+        return (
+            0.0
+            if _compute_signs(before, node) == _compute_signs(node, there)
+            else self.space.bend_m
+        )
 
     def is_out(self, node: _Node) -> bool:
         """Return whether the moving parts are clear of the bounding box of the others."""
@@ -288,9 +298,9 @@ class _Search:
         path.reverse()
         moves: list[Move] = []
         for here, there in itertools.pairwise(path):
-            if self._between(here, there, self.space.fine_m) is not None:
+            if self._check_between(here, there, self.space.fine_m) is not None:
                 return None
-            axis, (before, after) = self._turn_between(here, there)
+            axis, (before, after) = self._find_turn(here, there)
             offset = self.space.offset(there) - self.space.offset(here)
             _append(moves, offset, after - before, axis if before != after else None)
         return tuple(moves)

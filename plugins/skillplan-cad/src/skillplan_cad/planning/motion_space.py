@@ -53,7 +53,7 @@ class Met:
     point_m: Vector
 
 
-def turned(axis: Axis, angle_rad: float) -> tuple[Array, Array]:
+def rotate_about(axis: Axis, angle_rad: float) -> tuple[Array, Array]:
     """Return the rotation about an axis, as matrix and offset."""
     x, y, z = axis.direction
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -116,7 +116,7 @@ class Surroundings:
         return bool(((high_m < self.low_m) | (low_m > self.high_m)).any())
 
 
-def stops(moving: Sequence[Part], standing: Sequence[Part], inset_m: float) -> list[Array]:
+def list_stops(moving: Sequence[Part], standing: Sequence[Part], inset_m: float) -> list[Array]:
     """Return the offsets to consider along each axis, ascending, with 0 and one beyond each end.
 
     Parameters
@@ -124,7 +124,7 @@ def stops(moving: Sequence[Part], standing: Sequence[Part], inset_m: float) -> l
     inset_m
         Inset of the shrunk meshes; closer offsets are merged [m].
     """
-    mine, theirs = _flats(moving), _flats(standing)
+    mine, theirs = _find_flats(moving), _find_flats(standing)
     low = np.min([part.bounds_m[0] for part in moving], axis=0)
     high = np.max([part.bounds_m[1] for part in moving], axis=0)
     lowest = np.min([part.bounds_m[0] for part in standing], axis=0)
@@ -141,7 +141,7 @@ def stops(moving: Sequence[Part], standing: Sequence[Part], inset_m: float) -> l
             for stand in theirs[axis][1 - side]
         ]
         near = sorted(
-            {round(offset, 7) for offset in meeting if begin < offset < end}, key=_by_size
+            {round(offset, 7) for offset in meeting if begin < offset < end}, key=_sort_key
         )
         spacing = (end - begin) / _EVEN_STEPS
         even = [k * spacing for k in range(-_EVEN_STEPS, _EVEN_STEPS + 1)]
@@ -153,11 +153,11 @@ def stops(moving: Sequence[Part], standing: Sequence[Part], inset_m: float) -> l
     return offsets
 
 
-def _by_size(offset: float) -> tuple[float, float]:
+def _sort_key(offset: float) -> tuple[float, float]:
     return abs(offset), offset
 
 
-def _flats(parts: Sequence[Part]) -> list[tuple[list[float], list[float]]]:
+def _find_flats(parts: Sequence[Part]) -> list[tuple[list[float], list[float]]]:
     """Return the positions of flat faces across each axis, for both signs of the normal."""
     corners = np.concatenate([part.vertices_m[part.triangles] for part in parts])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -173,7 +173,7 @@ def _flats(parts: Sequence[Part]) -> list[tuple[list[float], list[float]]]:
     return flats
 
 
-def axes_of(moving: Sequence[Part], most: int = 3) -> tuple[Axis, ...]:
+def find_axes(moving: Sequence[Part], most: int = 3) -> tuple[Axis, ...]:
     """Return candidate rotation axes: the axes of round faces, the largest first.
 
     Parts without round faces get the three axes through their centre.
@@ -183,7 +183,7 @@ def axes_of(moving: Sequence[Part], most: int = 3) -> tuple[Axis, ...]:
     axes: list[Axis] = []
     for face in faces:
         new = Axis(face.origin_m, face.axis)
-        if not any(_same_line(new, axis) for axis in axes):
+        if not any(_is_same_line(new, axis) for axis in axes):
             axes.append(new)
     if not axes:
         corners = np.concatenate([part.bounds_m for part in moving])
@@ -194,7 +194,7 @@ def axes_of(moving: Sequence[Part], most: int = 3) -> tuple[Axis, ...]:
     return tuple(axes[:most])
 
 
-def _same_line(first: Axis, second: Axis) -> bool:
+def _is_same_line(first: Axis, second: Axis) -> bool:
     along = np.asarray(first.direction)
     if abs(along @ np.asarray(second.direction)) < 1 - 1e-6:
         return False

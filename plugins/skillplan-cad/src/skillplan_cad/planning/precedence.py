@@ -97,7 +97,7 @@ class Precedence:
         progress = True
         while progress:
             progress = False
-            for part in members(left & ~fixed):
+            for part in list_members(left & ~fixed):
                 if left != 1 << part and self.is_free(part, left):
                     left &= ~(1 << part)
                     progress = True
@@ -131,7 +131,7 @@ class Precedence:
         for _ in range(len(self.names) - 1):
             smaller: dict[int, int] = {}
             for present, count in counts.items():
-                for part in members(present):
+                for part in list_members(present):
                     left = present & ~(1 << part)
                     if self.is_free(part, present) and (may_stand is None or may_stand(left)):
                         smaller[left] = smaller.get(left, 0) + count
@@ -139,7 +139,7 @@ class Precedence:
         return sum(counts.values())
 
 
-def precedence_of(
+def derive_precedence(
     relation: Relation, waived: frozenset[tuple[str, str]] = frozenset()
 ) -> Precedence:
     """Return the precedence that a blocking relation implies.
@@ -167,7 +167,7 @@ def precedence_of(
     return Precedence(relation.names, tuple(alternatives))
 
 
-def members(parts: int) -> Iterator[int]:
+def list_members(parts: int) -> Iterator[int]:
     """Yield the numbers of the parts in a set, ascending."""
     while parts:
         lowest = parts & -parts
@@ -175,12 +175,12 @@ def members(parts: int) -> Iterator[int]:
         parts ^= lowest
 
 
-def as_set(numbers: Sequence[int]) -> int:
+def encode_set(numbers: Sequence[int]) -> int:
     """Return parts by number as a set of bits."""
     return sum(1 << number for number in set(numbers))
 
 
-def touching(relation: Relation) -> tuple[int, ...]:
+def find_touching(relation: Relation) -> tuple[int, ...]:
     """Return the set of touched parts for each part."""
     touched = [0] * len(relation.parts)
     for contact in relation.contacts:
@@ -197,7 +197,7 @@ def is_connected(parts: int, touches: Sequence[int]) -> bool:
     reached = frontier = parts & -parts
     while frontier:
         beyond = 0
-        for part in members(frontier):
+        for part in list_members(frontier):
             beyond |= touches[part]
         frontier = beyond & parts & ~reached
         reached |= frontier

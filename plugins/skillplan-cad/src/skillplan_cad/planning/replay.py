@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.planning.motion_space import turned
+from skillplan_cad.planning.motion_space import rotate_about
 from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.relation import Relation
 
@@ -90,10 +90,10 @@ def replay(
     tolerance_m
         Allowed thickness of overlaps, in addition to the chords of round faces [m].
     """
-    solids = {part.name: _solid(part) for part in product}
+    solids = {part.name: _build_solid(part) for part in product}
     broken = tuple(name for name, solid in solids.items() if solid is None)
     sound = {name: solid for name, solid in solids.items() if solid is not None}
-    together = _together(plan)
+    together = _list_assembled(plan)
     allowed = tolerance_m + 2 * product.chord_m
     samples, faults = 0, []
     bounds = {part.name: part.bounds_m for part in product}
@@ -103,23 +103,23 @@ def replay(
         standing = [name for name in together[number] if name in sound]
         boxes_mm = np.array([bounds[name] for name in standing]).reshape(-1, 2, 3) * 1e3
         moving = [bounds[name] for name in step.parts]
-        for matrix, offset in _placements(step, moving, bounds, tolerance_m):
+        for matrix, offset in _iterate_placements(step, moving, bounds, tolerance_m):
             samples += 1
             for part in step.parts:
                 if part not in sound:
                     continue
                 moved = sound[part].transform(np.column_stack([matrix, offset]))
-                for by in _near(moved, standing, boxes_mm):
-                    if (part, by) in known or _screwed(relation, part, by):
+                for by in _find_near(moved, standing, boxes_mm):
+                    if (part, by) in known or _is_screwed(relation, part, by):
                         continue
-                    fault = _shared(number, part, by, moved, sound[by], offset, allowed)
+                    fault = _find_fault(number, part, by, moved, sound[by], offset, allowed)
                     if fault is not None:
                         known.add((part, by))
                         faults.append(fault)
     return Replay(samples, tuple(faults), broken)
 
 
-def _solid(part: Part) -> manifold3d.Manifold | None:
+def _build_solid(part: Part) -> manifold3d.Manifold | None:
     mesh = manifold3d.Mesh64(
         vert_properties=np.ascontiguousarray(part.vertices_m * 1e3),
         tri_verts=np.ascontiguousarray(part.triangles, dtype=np.uint64),
@@ -128,7 +128,7 @@ def _solid(part: Part) -> manifold3d.Manifold | None:
     return None if solid.is_empty() else solid
 
 
-def _together(plan: AssemblyPlan) -> list[tuple[str, ...]]:
+def _list_assembled(plan: AssemblyPlan) -> list[tuple[str, ...]]:
     """Return the assembled parts before each step."""
     assembled: list[tuple[str, ...]] = []
     groups: dict[str, list[str]] = {}
@@ -139,7 +139,7 @@ def _together(plan: AssemblyPlan) -> list[tuple[str, ...]]:
     return assembled
 
 
-def _screwed(relation: Relation, part: str, by: str) -> bool:
+def _is_screwed(relation: Relation, part: str, by: str) -> bool:
     """Return whether one part is a fastener whose thread the other grips."""
     first, second = relation.fastener(part), relation.fastener(by)
     return (first is not None and by in first.threaded_in) or (
@@ -147,7 +147,7 @@ def _screwed(relation: Relation, part: str, by: str) -> bool:
     )
 
 
-def _placements(
+def _iterate_placements(
     step: Step, moving: Sequence[Array], bounds: Mapping[str, Array], tolerance_m: float
 ) -> Iterator[tuple[Array, Array]]:
     """Yield rotations and offsets [mm] of the removal, without the start."""
@@ -177,20 +177,22 @@ def _placements(
             share_done = k / number
             turn, shift = (np.eye(3), np.zeros(3))
             if move.axis is not None:
-                turn, shift = turned(move.axis, share_done * move.angle_rad)
+                turn, shift = rotate_about(move.axis, share_done * move.angle_rad)
             matrix = start[0] @ turn
             offset = start[0] @ shift + start[1] + share_done * by
             yield matrix, offset * 1e3
 
 
-def _near(moved: manifold3d.Manifold, standing: Sequence[str], boxes_mm: Array) -> Iterator[str]:
+def _find_near(
+    moved: manifold3d.Manifold, standing: Sequence[str], boxes_mm: Array
+) -> Iterator[str]:
     """Yield the standing parts whose boxes, shape (parts, 2, 3), overlap that of a solid."""
     box = np.asarray(moved.bounding_box())
     near = (box[:3] < boxes_mm[:, 1]).all(axis=1) & (boxes_mm[:, 0] < box[3:]).all(axis=1)
     return (standing[number] for number in np.flatnonzero(near).tolist())
 
 
-def _shared(
+def _find_fault(
     step: int,
     part: str,
     by: str,

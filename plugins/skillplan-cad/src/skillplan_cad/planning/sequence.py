@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skillplan_cad.planning.precedence import Precedence, is_connected, members
+from skillplan_cad.planning.precedence import Precedence, is_connected, list_members
 from skillplan_cad.planning.stability import Stability
 from skillplan_cad.product import Vector
 
@@ -181,28 +181,28 @@ class Sequencer:
         left = self._precedence.core(present, fixed=1 << base)
         self._ups, self._views = sorted({up, *self._directions}), {}
         layer = [_Path(0.0, present, self._ups.index(up))]
-        width, cheapest = _width(present.bit_count()), True
+        width, cheapest = _choose_width(present.bit_count()), True
         for _ in range((present & ~left).bit_count()):
             best: _Layer = {}
             for path in layer:
-                self._lengthen(path, left, best)
+                self._extend(path, left, best)
             ordered = sorted(best.items(), key=lambda item: (item[1].cost, item[0]))
             cheapest = cheapest and len(ordered) <= width
             layer = [path for _, path in ordered[:width]]
         best_path = min(layer, key=lambda path: path.cost)
-        return Sequence(self._removals(best_path), left, round(best_path.cost, 6), cheapest)
+        return Sequence(self._list_removals(best_path), left, round(best_path.cost, 6), cheapest)
 
-    def _lengthen(self, path: _Path, left: int, best: _Layer) -> None:
+    def _extend(self, path: _Path, left: int, best: _Layer) -> None:
         """Extend a path by each removable part; keep the cheapest path to each state."""
-        view, prices = self._view(path.up), self._prices
+        view, prices = self._get_view(path.up), self._prices
         tips: dict[int, bool] = {}
-        for part in members(path.present & ~left):
+        for part in list_members(path.present & ~left):
             others, tool = path.present & ~(1 << part), self._tool_of[part]
             stays: dict[int, bool] = {}
             for direction in self._free_directions(part, path.present):
                 up = view.up[direction]
                 key = (others, direction, tool, up)
-                cost = path.cost + self._fixed_cost(path, direction, tool, up)
+                cost = path.cost + self._compute_fixed_cost(path, direction, tool, up)
                 known = best.get(key)
                 if known is not None and cost >= known.cost:
                     continue
@@ -210,7 +210,7 @@ class Sequencer:
                     tips[up] = self._stability.tips(path.present, self._ups[up])
                 if up not in stays:
                     stays[up] = self._stability.stays(part, others, self._ups[up])
-                connected = self._hang_together(others)
+                connected = self._is_connected(others)
                 cost += prices.held * (not stays[up]) + prices.held * tips[up]
                 cost += prices.apart * (not connected)
                 if known is None or cost < known.cost:
@@ -233,7 +233,7 @@ class Sequencer:
             self._free[key] = self._precedence.free_directions(part, present)
         return self._free[key]
 
-    def _view(self, up: int) -> _View:
+    def _get_view(self, up: int) -> _View:
         """Return the up vector during a move in each direction: parts never come from below."""
         if up not in self._views:
             cosines = [float(np.dot(direction, self._ups[up])) for direction in self._directions]
@@ -248,23 +248,23 @@ class Sequencer:
             self._views[up] = _View(tuple(after), tuple(flat))
         return self._views[up]
 
-    def _fixed_cost(self, before: _Path, direction: int, tool: int, up: int) -> float:
+    def _compute_fixed_cost(self, before: _Path, direction: int, tool: int, up: int) -> float:
         """Return the cost of a removal that does not depend on the remaining parts."""
         prices = self._prices
         cost = prices.turn * (before.up != up)
-        if self._view(before.up).is_sideways[direction]:
+        if self._get_view(before.up).is_sideways[direction]:
             cost += prices.sideways
         if before.part >= 0:
             cost += prices.direction * (before.direction != direction)
             cost += prices.tool * (before.tool != tool)
         return cost
 
-    def _hang_together(self, parts: int) -> bool:
+    def _is_connected(self, parts: int) -> bool:
         if parts not in self._connected:
             self._connected[parts] = is_connected(parts, self._touches)
         return self._connected[parts]
 
-    def _removals(self, path: _Path) -> tuple[Removal, ...]:
+    def _list_removals(self, path: _Path) -> tuple[Removal, ...]:
         removals: list[Removal] = []
         while path.before is not None:
             turn = path.up != path.before.up
@@ -284,7 +284,7 @@ class Sequencer:
         return tuple(reversed(removals))
 
 
-def _width(parts: int) -> int:
+def _choose_width(parts: int) -> int:
     """Return the number of paths kept in a layer; small products keep all."""
     for most, width in ((12, 20_000), (24, 400), (60, 40)):
         if parts <= most:

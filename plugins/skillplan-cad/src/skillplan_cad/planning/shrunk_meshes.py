@@ -18,7 +18,7 @@ from skillplan_cad.product import Part, Points, Triangles
 _FARTHEST_OFFSETS = 4.0
 
 
-def shrunk(vertices_m: Points, triangles: Triangles, inset_m: float) -> Points:
+def shrink_mesh(vertices_m: Points, triangles: Triangles, inset_m: float) -> Points:
     """Return vertices moved so that each face is an inset farther inside.
 
     Parameters
@@ -37,7 +37,7 @@ def shrunk(vertices_m: Points, triangles: Triangles, inset_m: float) -> Points:
     # offsets in the span of the normals.
     square = np.zeros((len(vertices_m), 3, 3))
     right = np.zeros((len(vertices_m), 3))
-    angles = _angles(corners[sound])
+    angles = _compute_angles(corners[sound])
     for corner in range(3):
         weights = angles[:, corner]
         at = triangles[sound, corner]
@@ -51,7 +51,7 @@ def shrunk(vertices_m: Points, triangles: Triangles, inset_m: float) -> Points:
     return np.asarray(vertices_m + offsets * scale[:, None], dtype=np.float64)
 
 
-def _angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _compute_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the angle at each corner of triangles [rad]."""
     angles = np.empty(corners.shape[:2])
     for corner in range(3):
@@ -89,9 +89,9 @@ class MeshTree:
         self.low_m, self.high_m = vertices_m.min(axis=0), vertices_m.max(axis=0)
 
 
-def mesh_trees(parts: Sequence[Part], inset_m: float) -> list[MeshTree]:
+def build_mesh_trees(parts: Sequence[Part], inset_m: float) -> list[MeshTree]:
     """Return the shrunk meshes of parts."""
     return [
-        MeshTree(part.name, shrunk(part.vertices_m, part.triangles, inset_m), part.triangles)
+        MeshTree(part.name, shrink_mesh(part.vertices_m, part.triangles, inset_m), part.triangles)
         for part in parts
     ]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from skillplan_cad.planning.precedence import members
+from skillplan_cad.planning.precedence import list_members
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Contact, Relation
 
@@ -27,7 +27,7 @@ _PER_FORCE = 1e-9
 _SETTLED = highspy.HighsModelStatus.kOptimal
 
 
-def least_help(columns: Sequence[Column], loads: Array, scale: Array) -> Array | None:
+def minimize_help(columns: Sequence[Column], loads: Array, scale: Array) -> Array | None:
     """Return the smallest help that each row needs; None if the program has no solution.
 
     Parameters
@@ -109,7 +109,7 @@ class Stability:
             first, second = (product.index(name) for name in contact.parts)
             pair = (contact.parts, contact.parts[::-1])
             firm = contact.kind == "thread" or any(names in joined for names in pair)
-            forces = _forces(contact, firm)
+            forces = _list_forces(contact, firm)
             if forces:
                 self._contacts.setdefault((first, second), []).extend(forces)
         self._touched: dict[int, int] = {}
@@ -123,7 +123,7 @@ class Stability:
         # Effect of each contact force on each part: force, then torque.
         self._wrenches = {
             pair: [
-                [self._wrench(part, sign, *force) for force in forces]
+                [self._compute_wrench(part, sign, *force) for force in forces]
                 for part, sign in zip(pair, (1.0, -1.0), strict=True)
             ]
             for pair, forces in self._contacts.items()
@@ -134,42 +134,44 @@ class Stability:
         touching = others & self._touched.get(part, 0)
         key = (part, touching, up)
         if key not in self._known:
-            self._known[key] = not self._held([part], touching, up)
+            self._known[key] = not self._find_held([part], touching, up)
         return self._known[key]
 
     def must_be_held(self, present: int, base: int, up: Vector) -> tuple[int, ...]:
         """Return the parts of a set that do not stay by themselves; the base stands firm."""
-        loose = [part for part in members(present) if part != base]
-        return self._held(loose, 1 << base, up)
+        loose = [part for part in list_members(present) if part != base]
+        return self._find_held(loose, 1 << base, up)
 
     def tips(self, present: int, up: Vector) -> bool:
         """Return whether the centre of mass of a set lies outside its support."""
         key = (present, up)
         if key not in self._tipping:
-            self._tipping[key] = self._tips(present, up)
+            self._tipping[key] = self._compute_tips(present, up)
         return self._tipping[key]
 
-    def _tips(self, present: int, up: Vector) -> bool:
-        numbers = list(members(present))
+    def _compute_tips(self, present: int, up: Vector) -> bool:
+        numbers = list(list_members(present))
         masses = self._masses[numbers]
         centre = (self._centres[numbers] * masses[:, None]).sum(axis=0) / masses.sum()
-        heights = [self._foot(part, up)[0] for part in numbers]
+        heights = [self._find_foot(part, up)[0] for part in numbers]
         lowest = min(heights)
         pairs = zip(numbers, heights, strict=True)
-        ground = self._ground(tuple(n for n, height in pairs if height < lowest + _GROUND_M), up)
+        ground = self._find_ground(
+            tuple(n for n, height in pairs if height < lowest + _GROUND_M), up
+        )
         if ground is None:
             return True
-        return not _is_within(axes_across(up) @ centre, ground)
+        return not _is_within(find_axes_across(up) @ centre, ground)
 
-    def _ground(self, parts: tuple[int, ...], up: Vector) -> Array | None:
+    def _find_ground(self, parts: tuple[int, ...], up: Vector) -> Array | None:
         """Return the hull lines of the support, as in `ConvexHull`, or None."""
         key = (parts, up)
         if key not in self._grounds:
-            points = np.concatenate([self._foot(part, up)[1] for part in parts])
-            self._grounds[key] = _outline(points @ axes_across(up).T)
+            points = np.concatenate([self._find_foot(part, up)[1] for part in parts])
+            self._grounds[key] = _find_outline(points @ find_axes_across(up).T)
         return self._grounds[key]
 
-    def _foot(self, part: int, up: Vector) -> tuple[float, Array]:
+    def _find_foot(self, part: int, up: Vector) -> tuple[float, Array]:
         """Return the lowest height of a part, and its points there."""
         key = (part, up)
         if key not in self._feet:
@@ -179,10 +181,10 @@ class Stability:
             self._feet[key] = (low, points[heights < low + _GROUND_M])
         return self._feet[key]
 
-    def _held(self, loose: Sequence[int], firm: int, up: Vector) -> tuple[int, ...]:
+    def _find_held(self, loose: Sequence[int], firm: int, up: Vector) -> tuple[int, ...]:
         """Return the loose parts that no contact forces hold against their weights."""
         rows = {part: 6 * number for number, part in enumerate(loose)}
-        columns = self._columns(rows, firm)
+        columns = self._build_columns(rows, firm)
         if not columns:
             return tuple(loose)
         # Help for each part: force and torque in both directions, priced by weight.
@@ -193,13 +195,13 @@ class Stability:
         loads = np.zeros(6 * len(loose))
         for number in range(len(loose)):
             loads[6 * number : 6 * number + 3] = weights[number] * np.asarray(up)
-        help_values = least_help(columns, loads, scale)
+        help_values = minimize_help(columns, loads, scale)
         if help_values is None:
             return tuple(loose)
         help_at = help_values.reshape(len(loose), 6).sum(axis=1)
         return tuple(part for part, need in zip(loose, help_at, strict=True) if need > _HELD_SHARE)
 
-    def _columns(self, rows: Mapping[int, int], firm: int) -> list[list[tuple[int, float]]]:
+    def _build_columns(self, rows: Mapping[int, int], firm: int) -> list[list[tuple[int, float]]]:
         """Return the column of each contact force: rows of forces and torques on parts."""
         columns = []
         for (first, second), forces in self._contacts.items():
@@ -216,7 +218,7 @@ class Stability:
                 columns.append(entries)
         return columns
 
-    def _wrench(self, part: int, sign: float, point: Array, force: Array) -> list[float]:
+    def _compute_wrench(self, part: int, sign: float, point: Array, force: Array) -> list[float]:
         """Return the force on a part and the torque about its centre of mass."""
         x, y, z = (point - self._centres[part]).tolist()
         a, b, c = force.tolist()
@@ -224,9 +226,9 @@ class Stability:
         return [sign * value for value in (a, b, c, *torque)]
 
 
-def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
+def _list_forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
     """Return (point, force on the first part) pairs that span the forces of a contact."""
-    points = _spread(np.array(contact.points_m).reshape(-1, 3))
+    points = _select_spread(np.array(contact.points_m).reshape(-1, 3))
     if firm and not len(points) and contact.axis_point_m is not None:
         # A thread drawn as an overlap has no contact surface.
         points = np.array([contact.axis_point_m])
@@ -238,15 +240,15 @@ def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
         return [(point, axis) for point in points for axis in axes]
     forces = []
     for point in points:
-        for normal in _normals(contact, point):
-            across = axes_across((float(normal[0]), float(normal[1]), float(normal[2])))
+        for normal in _list_normals(contact, point):
+            across = find_axes_across((float(normal[0]), float(normal[1]), float(normal[2])))
             # The second part pushes the first one back, against its outward normal.
             for sideways in (across[0], -across[0], across[1], -across[1]):
                 forces.append((point, -normal + FRICTION * sideways))
     return forces
 
 
-def _normals(contact: Contact, point: Array) -> list[Array]:
+def _list_normals(contact: Contact, point: Array) -> list[Array]:
     """Return the outward normals of a contact's first part at a point."""
     listed = [np.asarray(normal) for normal in contact.normals]
     if contact.kind != "cylinder" or contact.axis is None or contact.axis_point_m is None:
@@ -262,7 +264,7 @@ def _normals(contact: Contact, point: Array) -> list[Array]:
     return [radial if float(nearest @ radial) > 0 else -radial]
 
 
-def _spread(points: Array) -> Array:
+def _select_spread(points: Array) -> Array:
     """Return a few points far from each other."""
     if len(points) <= _MOST_POINTS:
         return points
@@ -275,7 +277,7 @@ def _spread(points: Array) -> Array:
 
 
 @lru_cache(maxsize=1024)
-def axes_across(up: Vector) -> Array:
+def find_axes_across(up: Vector) -> Array:
     """Return two unit vectors that form a right-handed frame with a third."""
     along = np.asarray(up)
     smallest = np.eye(3)[int(np.argmin(np.abs(along)))]
@@ -284,7 +286,7 @@ def axes_across(up: Vector) -> Array:
     return np.stack([first, np.cross(along, first)])
 
 
-def _outline(corners: Array) -> Array | None:
+def _find_outline(corners: Array) -> Array | None:
     """Return the hull lines of points in the plane; None without area."""
     if len(corners) < 3:
         return None
@@ -296,7 +298,7 @@ def _outline(corners: Array) -> Array | None:
 
 def is_over(point: Array, corners: Array) -> bool:
     """Return whether a point of the plane lies in the hull of others."""
-    outline = _outline(corners)
+    outline = _find_outline(corners)
     return outline is not None and _is_within(point, outline)
 
 

@@ -28,7 +28,7 @@ _FACES = "TM_brep_faces"
 _KINDS: tuple[FaceKind, ...] = ("plane", "cylinder", "cone", "sphere", "torus")
 
 
-def parts_of(content: bytes) -> tuple[str, list[RawPart]]:
+def read_parts(content: bytes) -> tuple[str, list[RawPart]]:
     """Return the name of the root, and the meshes in the order of the tree.
 
     Raises
@@ -37,11 +37,11 @@ def parts_of(content: bytes) -> tuple[str, list[RawPart]]:
         If the content is not binary glTF, has numbers that are not finite, more than `MOST_PARTS`
         parts, or a path longer than `MOST_PATH`. The message is a clause without subject.
     """
-    document, data = _chunks(content)
+    document, data = _split_chunks(content)
     roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
     parts: list[RawPart] = []
-    for node in _placed_meshes(document, roots):
-        part = _part(document, data, node)
+    for node in _iterate_placed_meshes(document, roots):
+        part = _read_part(document, data, node)
         if part is not None:
             parts.append(part)
         if len(parts) > MOST_PARTS:
@@ -50,7 +50,7 @@ def parts_of(content: bytes) -> tuple[str, list[RawPart]]:
     return (names[0] if len(names) == 1 else ""), parts
 
 
-def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
+def _split_chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
     if content[:4] != b"glTF":
         raise ValueError("is not read as a product by OCCT")
     chunks: dict[bytes, bytes] = {}
@@ -78,10 +78,12 @@ class _PlacedMesh:
     path: tuple[str, ...]
 
 
-def _placed_meshes(document: Mapping[str, Any], roots: Sequence[int]) -> Iterator[_PlacedMesh]:
+def _iterate_placed_meshes(
+    document: Mapping[str, Any], roots: Sequence[int]
+) -> Iterator[_PlacedMesh]:
     """Yield the meshes of a tree from its roots, in order."""
     nodes, taken = document["nodes"], set[str]()
-    named = [(root, _unique_name(document, root, taken)) for root in roots]
+    named = [(root, _choose_name(document, root, taken)) for root in roots]
     todo: list[tuple[int, NDArray[np.float64], tuple[str, ...], str, int]] = [
         (root, np.eye(4), (), name, len(name)) for root, name in reversed(named)
     ]
@@ -93,20 +95,20 @@ def _placed_meshes(document: Mapping[str, Any], roots: Sequence[int]) -> Iterato
                 f"{MOST_PATH:,} characters"
             )
         node = nodes[number]
-        pose = above @ _pose(node)
+        pose = above @ _read_pose(node)
         if "mesh" in node:
             yield _PlacedMesh(node["mesh"], pose, name, path)
         taken = set()
         below = (*path, name)
         children = [
-            (child, _unique_name(document, child, taken)) for child in node.get("children", ())
+            (child, _choose_name(document, child, taken)) for child in node.get("children", ())
         ]
         todo += [
             (child, pose, below, own, length + 1 + len(own)) for child, own in reversed(children)
         ]
 
 
-def _unique_name(document: Mapping[str, Any], node_number: int, taken: set[str]) -> str:
+def _choose_name(document: Mapping[str, Any], node_number: int, taken: set[str]) -> str:
     """Return the name of a node, numbered if a sibling before it has the same name.
 
     Instances with a mere counting label get the name of their design.
@@ -124,7 +126,7 @@ def _unique_name(document: Mapping[str, Any], node_number: int, taken: set[str])
     return name
 
 
-def _pose(node: Mapping[str, Any]) -> NDArray[np.float64]:
+def _read_pose(node: Mapping[str, Any]) -> NDArray[np.float64]:
     if "matrix" in node:
         pose = np.asarray(node["matrix"], dtype=np.float64).reshape(4, 4).T.copy()
         # Undo rounding to single precision, which would shear a large part.
@@ -145,24 +147,26 @@ def _pose(node: Mapping[str, Any]) -> NDArray[np.float64]:
     return pose
 
 
-def _part(document: Mapping[str, Any], data: bytes, node: _PlacedMesh) -> RawPart | None:
+def _read_part(document: Mapping[str, Any], data: bytes, node: _PlacedMesh) -> RawPart | None:
     pose, mesh = node.pose, document["meshes"][node.mesh]
     vertices, triangles, faces = [], [], []
     points_before, triangles_before = 0, 0
     for primitive in mesh["primitives"]:
         if primitive.get("mode", 4) != 4:
             continue
-        points = _array(document, data, primitive["attributes"]["POSITION"]).astype(np.float64)
+        points = _read_array(document, data, primitive["attributes"]["POSITION"]).astype(np.float64)
         if "indices" in primitive:
-            corners = _array(document, data, primitive["indices"]).astype(np.int64).reshape(-1, 3)
+            corners = (
+                _read_array(document, data, primitive["indices"]).astype(np.int64).reshape(-1, 3)
+            )
         else:
             corners = np.arange(len(points)).reshape(-1, 3)
         vertices.append(points)
         triangles.append(corners + points_before)
         extension = primitive.get("extensions", {}).get(_FACES)
         if extension is not None:
-            of_triangle = _array(document, data, extension["faceIndices"]).astype(np.int64)
-            faces += _faces(extension["faces"], of_triangle, triangles_before, pose)
+            of_triangle = _read_array(document, data, extension["faceIndices"]).astype(np.int64)
+            faces += _read_faces(extension["faces"], of_triangle, triangles_before, pose)
         points_before += len(points)
         triangles_before += len(corners)
     if not triangles_before:
@@ -176,7 +180,7 @@ def _part(document: Mapping[str, Any], data: bytes, node: _PlacedMesh) -> RawPar
     return RawPart(name or design, node.path, placed, corners, tuple(faces), design)
 
 
-def _faces(
+def _read_faces(
     described: list[Mapping[str, Any] | None],
     of_triangle: NDArray[np.int64],
     first: int,
@@ -190,12 +194,12 @@ def _faces(
     order = np.argsort(of_triangle, kind="stable")
     numbers, starts = np.unique(of_triangle[order], return_index=True)
     return [
-        _face(about.get(int(number), {}), triangles + first, pose)
+        _read_face(about.get(int(number), {}), triangles + first, pose)
         for number, triangles in zip(numbers, np.split(order, starts[1:]), strict=True)
     ]
 
 
-def _face(
+def _read_face(
     fields: Mapping[str, Any], triangles: NDArray[np.int64], pose: NDArray[np.float64]
 ) -> Face:
     kind = fields.get("type")
@@ -222,7 +226,7 @@ def _face(
     )
 
 
-def _array(document: Mapping[str, Any], data: bytes, number: int) -> NDArray[Any]:
+def _read_array(document: Mapping[str, Any], data: bytes, number: int) -> NDArray[Any]:
     accessor = document["accessors"][number]
     view = document["bufferViews"][accessor["bufferView"]]
     kind, width = np.dtype(_TYPES[accessor["componentType"]]), _COUNTS[accessor["type"]]

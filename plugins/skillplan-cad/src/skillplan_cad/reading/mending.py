@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from skillplan_cad.product import Face, Points, Triangles
-from skillplan_cad.reading.raw_part import RawPart, area_vectors_m2
+from skillplan_cad.reading.raw_part import RawPart, compute_area_vectors_m2
 
 # Distances below which vertices are merged, in part sizes; coordinates have single precision.
 _SAME, _NEARLY_SAME = 1e-7, 2e-6
@@ -45,37 +45,37 @@ class Mended:
     notes: tuple[str, ...] = ()
 
 
-def mended(part: RawPart) -> Mended:
+def mend(part: RawPart) -> Mended:
     """Return a part with a closed mesh, or with its open edges."""
     notes: list[str] = []
-    repaired = _merged(part, _SAME)
-    if len(_open_edges(repaired.triangles)):
-        repaired = _merged(part, _NEARLY_SAME)
-    if len(_open_edges(repaired.triangles)):
-        repaired, added = _repaired(repaired)
+    repaired = _merge_vertices(part, _SAME)
+    if len(_find_open_edges(repaired.triangles)):
+        repaired = _merge_vertices(part, _NEARLY_SAME)
+    if len(_find_open_edges(repaired.triangles)):
+        repaired, added = _repair(repaired)
         if added:
             notes.append(f"{part.name}: {added} triangles were added to close holes")
-    gaps = _open_edges(repaired.triangles)
+    gaps = _find_open_edges(repaired.triangles)
     bodies = np.zeros(len(repaired.triangles), dtype=np.int64)
     middle = np.zeros(3)
     if len(gaps):
         middle = repaired.vertices_m[gaps[0]].mean(axis=0)
     elif len(repaired.triangles):
-        repaired, bodies = _outwards(repaired)
+        repaired, bodies = _turn_outwards(repaired)
     return Mended(repaired, len(gaps), middle, bodies, tuple(notes))
 
 
-def volumes_m3(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
+def compute_volumes_m3(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
     """Return the signed volume between each triangle and the centre of the mesh."""
     middle = vertices_m.mean(axis=0)
     a, b, c = (vertices_m[triangles[:, corner]] - middle for corner in range(3))
     return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
 
 
-def centre_m(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
+def compute_centre_m(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
     """Return the centroid of the volume of a closed mesh."""
     middle = vertices_m.mean(axis=0)
-    volumes = volumes_m3(vertices_m, triangles)
+    volumes = compute_volumes_m3(vertices_m, triangles)
     corners = (vertices_m[triangles] - middle).sum(axis=1) / 4
     return np.asarray(middle + (volumes[:, None] * corners).sum(axis=0) / volumes.sum())
 
@@ -84,7 +84,7 @@ def split(repaired: Mended) -> list[RawPart]:
     """Return the bodies of a part as separate parts."""
     part = repaired.part
     return [
-        _with_triangles(
+        _select_triangles(
             replace(part, name=f"{part.name}.{number + 1}"),
             repaired.bodies == number,
             part.triangles,
@@ -93,7 +93,7 @@ def split(repaired: Mended) -> list[RawPart]:
     ]
 
 
-def _merged(part: RawPart, share: float) -> RawPart:
+def _merge_vertices(part: RawPart, share: float) -> RawPart:
     """Return a part with close vertices merged."""
     vertices = part.vertices_m
     size = float(np.ptp(vertices, axis=0).max()) or 1.0
@@ -114,10 +114,10 @@ def _merged(part: RawPart, share: float) -> RawPart:
         & (triangles[:, 2] != triangles[:, 0])
     )
     merged = replace(part, vertices_m=points[kept])
-    return _with_triangles(merged, whole, triangles)
+    return _select_triangles(merged, whole, triangles)
 
 
-def _with_triangles(part: RawPart, chosen: NDArray[np.bool_], triangles: Triangles) -> RawPart:
+def _select_triangles(part: RawPart, chosen: NDArray[np.bool_], triangles: Triangles) -> RawPart:
     """Return a part with only the chosen triangles and their vertices."""
     number = np.cumsum(chosen) - 1
     faces = []
@@ -134,7 +134,7 @@ def _with_triangles(part: RawPart, chosen: NDArray[np.bool_], triangles: Triangl
     )
 
 
-def _open_edges(triangles: Triangles) -> NDArray[np.int64]:
+def _find_open_edges(triangles: Triangles) -> NDArray[np.int64]:
     """Return the edges, as vertex pairs, that triangles do not pass equally often each way."""
     if not len(triangles):
         return np.zeros((0, 2), dtype=np.int64)
@@ -147,7 +147,7 @@ def _open_edges(triangles: Triangles) -> NDArray[np.int64]:
     return np.asarray(unique[balance != 0], dtype=np.int64)
 
 
-def _repaired(part: RawPart) -> tuple[RawPart, int]:
+def _repair(part: RawPart) -> tuple[RawPart, int]:
     """Return a part with consistent triangles and small holes filled, and the triangles added."""
     import trimesh
 
@@ -158,9 +158,9 @@ def _repaired(part: RawPart) -> tuple[RawPart, int]:
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     triangles = np.asarray(mesh.faces, dtype=np.int64)
     added = len(triangles) - len(part.triangles)
-    if len(_open_edges(triangles)) >= len(_open_edges(part.triangles)):
+    if len(_find_open_edges(triangles)) >= len(_find_open_edges(part.triangles)):
         return part, 0
-    areas = np.linalg.norm(area_vectors_m2(vertices, triangles), axis=1)
+    areas = np.linalg.norm(compute_area_vectors_m2(vertices, triangles), axis=1)
     if areas[len(part.triangles) :].sum() > _MOST_FILLED * areas.sum():
         return part, 0
     faces = part.faces
@@ -170,7 +170,7 @@ def _repaired(part: RawPart) -> tuple[RawPart, int]:
     return replace(part, vertices_m=vertices, triangles=triangles, faces=faces), added
 
 
-def _outwards(part: RawPart) -> tuple[RawPart, NDArray[np.int64]]:
+def _turn_outwards(part: RawPart) -> tuple[RawPart, NDArray[np.int64]]:
     """Return a closed part with outward triangles, and the body of each triangle.
 
     A shell of negative volume inside another is a cavity of it, not a body.
@@ -182,7 +182,7 @@ def _outwards(part: RawPart) -> tuple[RawPart, NDArray[np.int64]]:
     )
     count, of_vertex = connected_components(graph, directed=False)
     shell = of_vertex[triangles[:, 0]]
-    volume = np.bincount(shell, volumes_m3(part.vertices_m, triangles), count)
+    volume = np.bincount(shell, compute_volumes_m3(part.vertices_m, triangles), count)
     if volume.sum() < 0:
         triangles, volume = triangles[:, ::-1].copy(), -volume
         part = replace(part, triangles=triangles)

@@ -34,28 +34,28 @@ def read_folder(folder: Path, unit: str | None) -> RawProduct:
     OptionError
         If the unit is missing or unknown, or a file is unreadable.
     """
-    files = mesh_files(folder)
+    files = list_mesh_files(folder)
     if not files:
         raise OptionError(f"{folder}: holds no meshes: no {', '.join(SUFFIXES)} files lie in it.")
     if unit is None:
         raise OptionError(
             f"{folder}: meshes have no unit. State it: --unit mm, or {', '.join(UNITS_M)}."
         )
-    scale = unit_m(unit)
+    scale = resolve_unit_m(unit)
     parts, left = [], MOST_BYTES_TOGETHER
     for path in files:
-        content = _content(folder, path)
+        content = _read_content(folder, path)
         left -= len(content)
         if left < 0:
             raise OptionError(
                 f"{folder}: its meshes have more than {MOST_BYTES_TOGETHER:,} bytes together. "
                 "Save them with fewer triangles, or import sub-assemblies one by one."
             )
-        parts.append(RawPart(path.stem, (), *_mesh(path, content, scale)))
+        parts.append(RawPart(path.stem, (), *_parse_mesh(path, content, scale)))
     return RawProduct(folder.resolve().name, tuple(parts), unit, 0.0)
 
 
-def mesh_files(folder: Path) -> list[Path]:
+def list_mesh_files(folder: Path) -> list[Path]:
     """Return the mesh files of a folder, sorted by name.
 
     Raises
@@ -87,7 +87,7 @@ def is_utf8(name: str) -> bool:
     return True
 
 
-def unit_m(unit: str) -> float:
+def resolve_unit_m(unit: str) -> float:
     """Return the length of a unit [m]; raises OptionError if it is unknown."""
     scale = UNITS_M.get(unit)
     if scale is None:
@@ -95,7 +95,7 @@ def unit_m(unit: str) -> float:
     return scale
 
 
-def _content(folder: Path, path: Path) -> bytes:
+def _read_content(folder: Path, path: Path) -> bytes:
     try:
         content = read_bytes(resolve_within(path, folder), MOST_BYTES, within=folder)
     except RefusedFile as refused:
@@ -109,7 +109,7 @@ def _content(folder: Path, path: Path) -> bytes:
     return content
 
 
-def _mesh(path: Path, content: bytes, scale: float) -> tuple[Points, Triangles]:
+def _parse_mesh(path: Path, content: bytes, scale: float) -> tuple[Points, Triangles]:
     try:
         with np.errstate(over="ignore"):
             corners, triangles = parse_mesh(content, path.suffix.lower())

@@ -14,20 +14,22 @@ from scipy.spatial import cKDTree
 from skillplan.errors import OptionError
 from skillplan.files.regular_file import is_folder, is_regular
 from skillplan_cad.product import Part, Points, Product, Triangles
-from skillplan_cad.reading.mending import Mended, centre_m, mended, split, volumes_m3
+from skillplan_cad.reading.mending import Mended, compute_centre_m, compute_volumes_m3, mend, split
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
 from skillplan_cad.reading.mesh_folder import UNITS_M, is_utf8, read_folder
-from skillplan_cad.reading.raw_part import RawPart, RawProduct, area_vectors_m2
+from skillplan_cad.reading.raw_part import RawPart, RawProduct, compute_area_vectors_m2
 from skillplan_cad.reading.step_file import SUFFIXES as STEP
 from skillplan_cad.reading.step_file import is_step, read_step
-from skillplan_cad.reading.surface_fit import fitted_faces, recognised
+from skillplan_cad.reading.surface_fit import fit_faces, recognise_face
 
 # Largest number of corner pairs to try.
 _TRIED = 400
 _SAMPLES = 400
 
 
-def shapes_of(parts: Sequence[RawPart], chord_m: float) -> tuple[NDArray[np.int64], dict[int, int]]:
+def find_shapes(
+    parts: Sequence[RawPart], chord_m: float
+) -> tuple[NDArray[np.int64], dict[int, int]]:
     """Return the shape number of each part, and the originals of mirrored shapes.
 
     Parameters
@@ -65,13 +67,15 @@ class _Figure:
 
     def __init__(self, part: RawPart, chord_m: float) -> None:
         vertices, triangles = part.vertices_m, part.triangles
-        self.volume = float(volumes_m3(vertices, triangles).sum())
-        self.area = float(np.linalg.norm(area_vectors_m2(vertices, triangles), axis=1).sum())
-        self.points = vertices - centre_m(vertices, triangles)
+        self.volume = float(compute_volumes_m3(vertices, triangles).sum())
+        self.area = float(
+            np.linalg.norm(compute_area_vectors_m2(vertices, triangles), axis=1).sum()
+        )
+        self.points = vertices - compute_centre_m(vertices, triangles)
         self.radii = np.linalg.norm(self.points, axis=1)
         self.size = float(self.radii.max())
         self.tolerance = max(2 * chord_m, 1e-4 * self.size)
-        dense, spacing = _dense(self.points, triangles, self.tolerance)
+        dense, spacing = _sample_surface(self.points, triangles, self.tolerance)
         self.tree, self.reach = cKDTree(dense), max(3 * self.tolerance, spacing)
         step = max(1, len(self.points) // _SAMPLES)
         self.samples = self.points[::step]
@@ -87,7 +91,7 @@ class _Figure:
 
     def lies_over(self, other: _Figure, *, mirrored: bool) -> bool:
         """Return whether a motion, optionally with a mirror, maps this mesh onto another."""
-        for turn in self._turns(other, mirrored):
+        for turn in self._iterate_turns(other, mirrored):
             if other.covers(self.samples @ turn.T) and self.covers(other.samples @ turn):
                 return True
         return False
@@ -97,12 +101,12 @@ class _Figure:
         distances, _ = self.tree.query(points, distance_upper_bound=self.reach)
         return bool(np.isfinite(distances).all())
 
-    def _turns(self, other: _Figure, mirrored: bool) -> Iterator[NDArray[np.float64]]:
+    def _iterate_turns(self, other: _Figure, mirrored: bool) -> Iterator[NDArray[np.float64]]:
         first = int(np.argmax(self.radii))
         a = self.points[first]
         off = np.linalg.norm(np.cross(self.points, a / self.radii[first]), axis=1)
         b = self.points[int(np.argmax(off))]
-        own = _frame(a, b, mirrored=False)
+        own = _build_frame(a, b, mirrored=False)
         slack, tried = 2 * self.tolerance, 0
         if own is None:
             return
@@ -112,7 +116,7 @@ class _Figure:
         for head in heads:
             gaps = np.linalg.norm(other.points[seconds] - other.points[head], axis=1)
             for second in seconds[np.abs(gaps - distance) < slack]:
-                frame = _frame(other.points[head], other.points[second], mirrored=mirrored)
+                frame = _build_frame(other.points[head], other.points[second], mirrored=mirrored)
                 if frame is None:
                     continue
                 tried += 1
@@ -121,7 +125,7 @@ class _Figure:
                     return
 
 
-def _frame(
+def _build_frame(
     a: NDArray[np.float64], b: NDArray[np.float64], *, mirrored: bool
 ) -> NDArray[np.float64] | None:
     """Return the axes defined by two points, as columns; the third is flipped if mirrored."""
@@ -135,7 +139,7 @@ def _frame(
     return np.stack([x, y, -z if mirrored else z], axis=1)
 
 
-def _dense(points: Points, triangles: Triangles, spacing: float) -> tuple[Points, float]:
+def _sample_surface(points: Points, triangles: Triangles, spacing: float) -> tuple[Points, float]:
     """Return the vertices with points spread over the triangles, and their spacing."""
     corners = points[triangles]
     a, ab, ac = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -191,9 +195,9 @@ def read_product(path: Path, options: ReadOptions) -> Product:
     OptionError
         If it is unreadable, a part is not watertight, or it has fewer than two parts.
     """
-    raw = _raw(path, options)
+    raw = _read_raw(path, options)
     _refuse_far(path, raw)
-    repaired = [mended(part) for part in raw.parts]
+    repaired = [mend(part) for part in raw.parts]
     _refuse_open(path, repaired)
     _refuse_thin(path, [mesh.part for mesh in repaired])
     notes = [*raw.notes, *(note for mesh in repaired for note in mesh.notes)]
@@ -217,10 +221,10 @@ def read_product(path: Path, options: ReadOptions) -> Product:
         f"masses are those of a density of {options.density_kg_m3:g} kg/m3"
         + (", steel" if options.density_kg_m3 == STEEL_KG_M3 else "")
     )
-    return _product(raw, parts, bodies, tuple(notes), options)
+    return _build_product(raw, parts, bodies, tuple(notes), options)
 
 
-def _raw(path: Path, options: ReadOptions) -> RawProduct:
+def _read_raw(path: Path, options: ReadOptions) -> RawProduct:
     if not is_utf8(path.resolve().name):
         raise OptionError(f"{path}: its name is not UTF-8, and the product takes its name from it.")
     if is_folder(path):
@@ -257,21 +261,21 @@ def _refuse_far(path: Path, raw: RawProduct) -> None:
     farthest = filled[int(np.argmax(reach))]
     raise OptionError(
         f"{path}: is {extent_m:.3g} m long, where {MOST_EXTENT_M:,.0f} m are the most; "
-        f"{_full_name(farthest)} reaches farthest. Correct that part, or its unit ({raw.unit})."
+        f"{_join_name(farthest)} reaches farthest. Correct that part, or its unit ({raw.unit})."
     )
 
 
 def _refuse_thin(path: Path, parts: Sequence[RawPart]) -> None:
     """Refuse a part without thickness, by the ratio of volume and surface."""
     for part in parts:
-        volume = float(volumes_m3(part.vertices_m, part.triangles).sum())
+        volume = float(compute_volumes_m3(part.vertices_m, part.triangles).sum())
         surface = float(
-            np.linalg.norm(area_vectors_m2(part.vertices_m, part.triangles), axis=1).sum()
+            np.linalg.norm(compute_area_vectors_m2(part.vertices_m, part.triangles), axis=1).sum()
         )
         if not volume > LEAST_THICKNESS_M / 2 * surface > 0:
             thickness_m = 2 * volume / surface if surface > 0 else 0.0
             raise OptionError(
-                f"{path}: {_full_name(part)} is {thickness_m:.3g} m thick, where "
+                f"{path}: {_join_name(part)} is {thickness_m:.3g} m thick, where "
                 f"{LEAST_THICKNESS_M:g} m are the least. Correct it, or leave it out."
             )
 
@@ -283,7 +287,7 @@ def _refuse_open(path: Path, repaired: Sequence[Mended]) -> None:
     named = []
     for gap in gaps[:_NAMED]:
         at = ", ".join(f"{value * 1000:.4g}" for value in gap.gap_point_m)
-        named.append(f"{_full_name(gap.part)} ({gap.open_edges} open edges, one at [{at}] mm)")
+        named.append(f"{_join_name(gap.part)} ({gap.open_edges} open edges, one at [{at}] mm)")
     more = f" and {len(gaps) - _NAMED} more" if len(gaps) > _NAMED else ""
     raise OptionError(
         f"{path}: not watertight: {'; '.join(named)}{more}. Make solids of these in CAD, or leave "
@@ -304,23 +308,23 @@ def _refuse_single(path: Path, parts: Sequence[RawPart], bodies: Sequence[int]) 
     )
 
 
-def _product(
+def _build_product(
     raw: RawProduct,
     parts: Sequence[RawPart],
     bodies: Sequence[int],
     notes: tuple[str, ...],
     options: ReadOptions,
 ) -> Product:
-    shapes, mirrors = shapes_of(parts, raw.chord_m)
-    names = _unique_names(parts)
+    shapes, mirrors = find_shapes(parts, raw.chord_m)
+    names = _assign_names(parts)
     product_parts = []
     for number, part in enumerate(parts):
         faces = (
-            tuple(recognised(face, part.vertices_m, part.triangles) for face in part.faces)
+            tuple(recognise_face(face, part.vertices_m, part.triangles) for face in part.faces)
             if part.faces
-            else fitted_faces(part.vertices_m, part.triangles)
+            else fit_faces(part.vertices_m, part.triangles)
         )
-        centre = centre_m(part.vertices_m, part.triangles)
+        centre = compute_centre_m(part.vertices_m, part.triangles)
         product_parts.append(
             Part(
                 name=names[number],
@@ -328,7 +332,7 @@ def _product(
                 vertices_m=part.vertices_m,
                 triangles=part.triangles,
                 faces=faces,
-                volume_m3=float(volumes_m3(part.vertices_m, part.triangles).sum()),
+                volume_m3=float(compute_volumes_m3(part.vertices_m, part.triangles).sum()),
                 density_kg_m3=options.density_kg_m3,
                 centre_m=(float(centre[0]), float(centre[1]), float(centre[2])),
                 shape=int(shapes[number]),
@@ -337,19 +341,19 @@ def _product(
                 design=part.design,
             )
         )
-    repeated = sorted(name for name, count in Counter(map(_full_name, parts)).items() if count > 1)
+    repeated = sorted(name for name, count in Counter(map(_join_name, parts)).items() if count > 1)
     if repeated:
         shown = ", ".join(repeated[:_NAMED]) + (" and others" if len(repeated) > _NAMED else "")
         notes = (*notes, f"names that repeat are numbered: {shown}")
     return Product(raw.name, tuple(product_parts), raw.unit, raw.chord_m, notes)
 
 
-def _unique_names(parts: Sequence[RawPart]) -> list[str]:
+def _assign_names(parts: Sequence[RawPart]) -> list[str]:
     """Return the path of each part below the root; repeated paths are numbered."""
     taken: set[str] = set()
     names = []
     for part in parts:
-        name = stem = _full_name(part)
+        name = stem = _join_name(part)
         number = 1
         while name in taken:
             number += 1
@@ -359,7 +363,7 @@ def _unique_names(parts: Sequence[RawPart]) -> list[str]:
     return names
 
 
-def _full_name(part: RawPart) -> str:
+def _join_name(part: RawPart) -> str:
     return "/".join((*part.path[1:], part.name or "part"))
 
 

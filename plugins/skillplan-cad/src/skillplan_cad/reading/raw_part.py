@@ -64,7 +64,7 @@ class RawProduct:
     notes: tuple[str, ...] = ()
 
 
-def area_vectors_m2(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
+def compute_area_vectors_m2(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
     """Return the normal of each triangle, scaled to its area."""
     a, b, c = (vertices_m[triangles[:, corner]] for corner in range(3))
     return np.asarray(0.5 * np.cross(b - a, c - a))

@@ -18,7 +18,7 @@ from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.workers.executor import Answer, Ended, Prepare, Worker, pack_content
 from skillplan.workers.local_processes import LocalProcesses
 from skillplan.workers.processes import measure_resident_bytes_of
-from skillplan_cad.reading.glb import NOT_FINITE, parts_of
+from skillplan_cad.reading.glb import NOT_FINITE, read_parts
 from skillplan_cad.reading.raw_part import RawProduct
 
 _WHAT = "reading STEP"
@@ -46,7 +46,7 @@ class Limits:
     memory_bytes: int = 8 * _GIB
 
 
-def tessellated(path: Path, content: bytes, chord_m: float) -> bytes:
+def tessellate(path: Path, content: bytes, chord_m: float) -> bytes:
     """Return the GLB that OCCT creates from a STEP file.
 
     Parameters
@@ -64,13 +64,13 @@ def tessellated(path: Path, content: bytes, chord_m: float) -> bytes:
         If OCCT refuses the file, crashes, or exceeds a limit.
     """
     limits = Limits(_LEAST_S + _S_A_MEGABYTE * len(content) / 1e6)
-    glb = read_apart(path, prepare, (content, chord_m), limits)
+    glb = read_in_process(path, prepare, (content, chord_m), limits)
     if not isinstance(glb, bytes) or not glb:
         raise OptionError(f"{path}: OCCT cannot read it as STEP. {_REMEDY}.")
     return glb
 
 
-def read_apart(path: Path, prepare: Prepare, content: Any, limits: Limits) -> Any:
+def read_in_process(path: Path, prepare: Prepare, content: Any, limits: Limits) -> Any:
     """Run one job in a process of its own and return the answer.
 
     Parameters
@@ -101,7 +101,7 @@ def read_apart(path: Path, prepare: Prepare, content: Any, limits: Limits) -> An
                 if isinstance(answer, Answer):
                     return answer.content
                 if isinstance(answer, Ended):
-                    raise _crashed(path, worker, answer)
+                    raise _describe_crash(path, worker, answer)
             if time.monotonic() > until:
                 raise OptionError(
                     f"{path}: OCCT was still reading after {limits.seconds:.0f} s and was ended. "
@@ -114,7 +114,7 @@ def read_apart(path: Path, prepare: Prepare, content: Any, limits: Limits) -> An
                 )
 
 
-def _crashed(path: Path, worker: Worker, ended: Ended) -> Exception:
+def _describe_crash(path: Path, worker: Worker, ended: Ended) -> Exception:
     if not ended.started and not ended.killed:
         return worker.not_started()
     return OptionError(
@@ -137,7 +137,7 @@ def prepare(content: tuple[bytes, float]) -> Callable[[None], bytes | None]:
 def _read(content: bytes, chord_m: float) -> bytes:
     import cascadio
 
-    with _quiet_output():
+    with _silence_output():
         glb: bytes = cascadio.load(
             content,
             "step",
@@ -151,7 +151,7 @@ def _read(content: bytes, chord_m: float) -> bytes:
 
 
 @contextmanager
-def _quiet_output() -> Iterator[None]:
+def _silence_output() -> Iterator[None]:
     """Discard the output of OCCT; stdout belongs to the command."""
     sys.stdout.flush()
     sys.stderr.flush()
@@ -212,13 +212,13 @@ def read_step(path: Path, chord_m: float) -> RawProduct:
     OptionError
         If the file is unreadable, no STEP, cut off, without solids, or crashes OCCT.
     """
-    content = _content(path)
-    unit = _unit(path, content)
-    glb = tessellated(path, content, chord_m)
+    content = _read_content(path)
+    unit = _find_unit(path, content)
+    glb = tessellate(path, content, chord_m)
     try:
-        name, parts = parts_of(glb)
+        name, parts = read_parts(glb)
     except ValueError as error:
-        raise OptionError(f"{path}: {error}{_remedy(str(error), content)}.") from None
+        raise OptionError(f"{path}: {error}{_describe_remedy(str(error), content)}.") from None
     if not parts:
         raise OptionError(
             f"{path}: holds no solids or surfaces, as a drawing or mere curves do. Save the solids."
@@ -226,11 +226,11 @@ def read_step(path: Path, chord_m: float) -> RawProduct:
     return RawProduct(name or path.name.partition(".")[0], tuple(parts), unit, chord_m)
 
 
-def _content(path: Path) -> bytes:
+def _read_content(path: Path) -> bytes:
     try:
         content = read_bytes(path, MOST_BYTES)
         if content[:2] == b"\x1f\x8b":
-            content = _unpacked(path, content)
+            content = _unpack(path, content)
     except RefusedFile as refused:
         remedy = (
             ". Save sub-assemblies one by one, or without fixtures and references"
@@ -278,7 +278,7 @@ def _refuse_numbers(path: Path, bare: bytes) -> None:
 
 def _refuse_references(path: Path, bare: bytes) -> None:
     """Refuse references to missing entities, which OCCT drops silently, or to huge numbers."""
-    named = _numbers(rb"#([0-9]+)", bare)
+    named = _find_numbers(rb"#([0-9]+)", bare)
     largest = max(named, key=lambda digits: (len(digits), digits), default=b"0")
     if len(largest) > 10 or int(largest) > _MOST_NUMBER:
         digits = largest.decode()
@@ -286,7 +286,7 @@ def _refuse_references(path: Path, bare: bytes) -> None:
             f"{path}: numbers an entity #{digits[:20]}{'...' if digits[20:] else ''}, of "
             f"{len(digits)} digits; OCCT reads up to #{_MOST_NUMBER}. {_ASSEMBLE}, numbered anew."
         )
-    lost = named - _numbers(rb"#([0-9]+)\s*=", bare)
+    lost = named - _find_numbers(rb"#([0-9]+)\s*=", bare)
     if lost:
         entities = "entity" if len(lost) == 1 else "entities"
         raise OptionError(
@@ -295,12 +295,12 @@ def _refuse_references(path: Path, bare: bytes) -> None:
         )
 
 
-def _numbers(pattern: bytes, bare: bytes) -> set[bytes]:
+def _find_numbers(pattern: bytes, bare: bytes) -> set[bytes]:
     """Return the distinct entity numbers, without leading zeros."""
     return {digits.lstrip(b"0") or b"0" for digits in re.findall(pattern, bare)}
 
 
-def _remedy(words: str, content: bytes) -> str:
+def _describe_remedy(words: str, content: bytes) -> str:
     """Return the end of a message about a product that OCCT created."""
     if words != NOT_FINITE:
         return ". Save sub-assemblies one by one"
@@ -320,7 +320,7 @@ def _is_length(text: bytes) -> bool:
         return False
 
 
-def _unpacked(path: Path, content: bytes) -> bytes:
+def _unpack(path: Path, content: bytes) -> bytes:
     unpacker = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
     try:
         whole = unpacker.decompress(content, MOST_BYTES + 1)
@@ -333,7 +333,7 @@ def _unpacked(path: Path, content: bytes) -> bytes:
     return whole
 
 
-def _unit(path: Path, content: bytes) -> str:
+def _find_unit(path: Path, content: bytes) -> str:
     """Return the length unit of the file, by which OCCT converts.
 
     Raises

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from skillplan_cad.product import Face, Points, Triangles, Vector
-from skillplan_cad.reading.raw_part import area_vectors_m2
+from skillplan_cad.reading.raw_part import compute_area_vectors_m2
 
 # Largest angle between triangles of one plane, and of one curved face.
 _FLAT_RAD, _SMOOTH_RAD = 1e-3, 0.65
@@ -18,39 +18,39 @@ _FLAT_RAD, _SMOOTH_RAD = 1e-3, 0.65
 _LEAST_FACETS, _ROUND = 6, 0.02
 
 
-def fitted_faces(vertices_m: Points, triangles: Triangles) -> tuple[Face, ...]:
+def fit_faces(vertices_m: Points, triangles: Triangles) -> tuple[Face, ...]:
     """Return planes, cylinders and free faces of a mesh."""
-    vectors = area_vectors_m2(vertices_m, triangles)
+    vectors = compute_area_vectors_m2(vertices_m, triangles)
     areas = np.linalg.norm(vectors, axis=1)
     normals = vectors / np.where(areas > 0, areas, 1.0)[:, None]
-    first, second = _neighbours(triangles)
+    first, second = _find_neighbours(triangles)
     angle = np.arccos(np.clip(np.einsum("ij,ij->i", normals[first], normals[second]), -1, 1))
-    facet = _components(first, second, angle < _FLAT_RAD, len(triangles))
-    patch = _components(first, second, angle < _SMOOTH_RAD, len(triangles))
+    facet = _find_components(first, second, angle < _FLAT_RAD, len(triangles))
+    patch = _find_components(first, second, angle < _SMOOTH_RAD, len(triangles))
     faces: list[Face] = []
     for number in np.unique(patch):
         chosen = np.flatnonzero(patch == number)
-        faces += _faces_of_patch(vertices_m, triangles, normals, areas, facet, chosen)
+        faces += _fit_patch(vertices_m, triangles, normals, areas, facet, chosen)
     return tuple(faces)
 
 
-def recognised(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
+def recognise_face(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
     """Return a face with its surface, if a free face is a plane or cylinder."""
     if face.kind == "free":
-        vectors = area_vectors_m2(vertices_m, triangles[face.triangles])
+        vectors = compute_area_vectors_m2(vertices_m, triangles[face.triangles])
         areas = np.linalg.norm(vectors, axis=1)
         normals = vectors / np.where(areas > 0, areas, 1.0)[:, None]
         mean = vectors.sum(axis=0)
         length = float(np.linalg.norm(mean))
         if length > (1 - 1e-7) * areas.sum() > 0:
-            face = _plane(vertices_m, triangles, face.triangles, mean / length)
+            face = _build_plane(vertices_m, triangles, face.triangles, mean / length)
         else:
-            cylinder = _cylinder(vertices_m, triangles, face.triangles, normals, areas)
+            cylinder = _fit_cylinder(vertices_m, triangles, face.triangles, normals, areas)
             face = cylinder if cylinder is not None else face
-    return measured(face, vertices_m, triangles)
+    return measure_face(face, vertices_m, triangles)
 
 
-def measured(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
+def measure_face(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
     """Return a face with its extents along and around the axis, and its side."""
     if face.kind in ("free", "sphere"):
         return face
@@ -60,17 +60,17 @@ def measured(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
     extent = (float(along.min()), float(along.max()))
     if face.kind == "plane":
         # The winding of the mesh defines the outside.
-        outwards = area_vectors_m2(vertices_m, triangles[face.triangles]).sum(axis=0) @ axis
+        outwards = compute_area_vectors_m2(vertices_m, triangles[face.triangles]).sum(axis=0) @ axis
         return replace(face, axis=_vector(axis if outwards > 0 else -axis), extent_m=(0.0, 0.0))
     across = corners - along[:, None] * axis
     middle = vertices_m[triangles[face.triangles]].mean(axis=1) - face.origin_m
     middle -= (middle @ axis)[:, None] * axis
-    vectors = area_vectors_m2(vertices_m, triangles[face.triangles])
+    vectors = compute_area_vectors_m2(vertices_m, triangles[face.triangles])
     inwards = float(np.einsum("ij,ij->", middle, vectors)) < 0
-    return replace(face, extent_m=extent, turn_rad=_turn(across, axis), hollow=inwards)
+    return replace(face, extent_m=extent, turn_rad=_measure_turn(across, axis), hollow=inwards)
 
 
-def _faces_of_patch(
+def _fit_patch(
     vertices_m: Points,
     triangles: Triangles,
     normals: NDArray[np.float64],
@@ -81,26 +81,26 @@ def _faces_of_patch(
     """Return a patch as a cylinder, as planes, or as a free face."""
     facets = np.unique(facet[chosen])
     if len(facets) >= _LEAST_FACETS:
-        cylinder = _cylinder(vertices_m, triangles, chosen, normals[chosen], areas[chosen])
+        cylinder = _fit_cylinder(vertices_m, triangles, chosen, normals[chosen], areas[chosen])
         if cylinder is not None:
-            return [measured(cylinder, vertices_m, triangles)]
+            return [measure_face(cylinder, vertices_m, triangles)]
         if len(facets) > len(chosen) / 4:
             return [Face("free", chosen)]
     faces = []
     for number in facets:
         own = chosen[facet[chosen] == number]
         vector = (normals[own] * areas[own, None]).sum(axis=0)
-        faces.append(_plane(vertices_m, triangles, own, vector / np.linalg.norm(vector)))
+        faces.append(_build_plane(vertices_m, triangles, own, vector / np.linalg.norm(vector)))
     return faces
 
 
-def _plane(
+def _build_plane(
     vertices_m: Points, triangles: Triangles, chosen: NDArray[np.int64], normal: NDArray[np.float64]
 ) -> Face:
     return Face("plane", chosen, _vector(vertices_m[triangles[chosen[0], 0]]), _vector(normal))
 
 
-def _cylinder(
+def _fit_cylinder(
     vertices_m: Points,
     triangles: Triangles,
     chosen: NDArray[np.int64],
@@ -129,7 +129,7 @@ def _cylinder(
     return Face("cylinder", chosen, _vector(centre), _vector(axis), radius)
 
 
-def _turn(across: Points, axis: NDArray[np.float64]) -> float:
+def _measure_turn(across: Points, axis: NDArray[np.float64]) -> float:
     """Return the angle covered by points around an axis; gaps of the usual width do not count."""
     x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     x /= np.linalg.norm(x)
@@ -142,7 +142,7 @@ def _turn(across: Points, axis: NDArray[np.float64]) -> float:
     return 2 * np.pi if widest <= max(1.5 * usual, 0.7) else 2 * np.pi - widest
 
 
-def _neighbours(triangles: Triangles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _find_neighbours(triangles: Triangles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the pairs of triangles with a common edge."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(triangles)), 3)
@@ -151,7 +151,7 @@ def _neighbours(triangles: Triangles) -> tuple[NDArray[np.int64], NDArray[np.int
     return owner[order[:-1][same]], owner[order[1:][same]]
 
 
-def _components(
+def _find_components(
     first: NDArray[np.int64], second: NDArray[np.int64], joined: NDArray[np.bool_], count: int
 ) -> NDArray[np.int64]:
     pairs = (first[joined], second[joined])

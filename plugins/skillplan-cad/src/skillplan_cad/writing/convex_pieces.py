@@ -64,7 +64,7 @@ class Hollow:
     radius_m: float
 
 
-def convex_pieces(
+def decompose_convex(
     vertices_m: Points,
     triangles: Triangles,
     allowed_m: float,
@@ -84,7 +84,7 @@ def convex_pieces(
     most
         Number of pieces after which cutting ends.
     """
-    whole = _solid(vertices_m, triangles)
+    whole = _build_solid(vertices_m, triangles)
     if whole.is_empty():
         return ()
     waiting: list[tuple[float, int, manifold3d.Manifold, manifold3d.Manifold]] = []
@@ -96,7 +96,7 @@ def convex_pieces(
             if body.volume() < _LEAST_MM3:
                 continue
             hull = body.hull()
-            gap_mm, gap = _widest_gap(hull - body)
+            gap_mm, gap = _find_widest_gap(hull - body)
             if gap_mm <= allowed_m * _TO_MM:
                 done.append(hull)
             else:
@@ -112,10 +112,10 @@ def convex_pieces(
         for half in halves:
             add(half)
     done += [body.hull() for _, _, body, _ in waiting]
-    return tuple(piece for piece in map(_mesh, done) if piece is not None)
+    return tuple(piece for piece in map(_build_mesh, done) if piece is not None)
 
 
-def _solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
+def _build_solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
     mesh = manifold3d.Mesh64(
         vert_properties=np.ascontiguousarray(vertices_m * _TO_MM),
         tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
@@ -123,7 +123,7 @@ def _solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
     return manifold3d.Manifold(mesh)
 
 
-def _mesh(hull: manifold3d.Manifold) -> tuple[Points, Triangles] | None:
+def _build_mesh(hull: manifold3d.Manifold) -> tuple[Points, Triangles] | None:
     """Return a hull with vertices rounded as in a file, or None if rounding flattens it."""
     mesh64 = hull.to_mesh64()
     points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
@@ -136,7 +136,7 @@ def _mesh(hull: manifold3d.Manifold) -> tuple[Points, Triangles] | None:
     return points, np.asarray(mesh64.tri_verts, dtype=np.int64)
 
 
-def _faces(solid: manifold3d.Manifold) -> tuple[Points, Points, Floats, Floats]:
+def _list_faces(solid: manifold3d.Manifold) -> tuple[Points, Points, Floats, Floats]:
     """Return points, and corners, unit normals and areas of the triangles [mm, mm2]."""
     mesh64 = solid.to_mesh64()
     points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
@@ -146,11 +146,11 @@ def _faces(solid: manifold3d.Manifold) -> tuple[Points, Points, Floats, Floats]:
     return points, corners, across / np.maximum(lengths, 1e-30)[:, None], lengths / 2
 
 
-def _widest_gap(added: manifold3d.Manifold) -> tuple[float, manifold3d.Manifold]:
+def _find_widest_gap(added: manifold3d.Manifold) -> tuple[float, manifold3d.Manifold]:
     """Return the width of the widest gap between body and hull, and the gap."""
     widest, where = 0.0, added
     for gap in added.decompose():
-        points, _, normals, areas = _faces(gap)
+        points, _, normals, areas = _list_faces(gap)
         if 2 * gap.volume() < _FILM_MM * float(areas.sum()):
             continue
         large = normals[areas > 1e-3 * areas.max()]
@@ -168,30 +168,30 @@ def _cut(
     body: manifold3d.Manifold, gap: manifold3d.Manifold, hollows: Sequence[Hollow]
 ) -> tuple[manifold3d.Manifold, manifold3d.Manifold] | None:
     """Cut a body so that the gap vanishes or is halved; None if no cut is possible."""
-    points, corners, normals, areas = _faces(gap)
+    points, corners, normals, areas = _list_faces(gap)
     points = np.unique(points, axis=0)
-    wall = _wall(points, hollows)
+    wall = _find_wall(points, hollows)
     if wall is not None and wall.is_all:
         for normal, offset in wall.planes():
             halves = _split(body, normal, offset)
             if halves is not None:
                 return halves
     wholes = body.hull().volume() - body.volume()
-    planes = _largest_planes(corners, normals, areas)
+    planes = _find_largest_planes(corners, normals, areas)
     ends = [(axis, (points @ axis).min(), (points @ axis).max()) for axis in np.eye(3)]
     planes += [
-        _plane(axis, height)
+        _build_plane(axis, height)
         for axis, low, high in ends
         for height in (low + _SHEET_MM, high - _SHEET_MM)
     ]
     if wall is not None and not wall.is_all:
-        _, halves = _best(body, wall.tangents())
+        _, halves = _find_best_cut(body, wall.tangents())
         if halves is not None:
             return halves
-    added, halves_best = _best(body, planes)
+    added, halves_best = _find_best_cut(body, planes)
     if added > _WORTH * wholes:
-        middles = [_plane(axis, (low + high) / 2) for axis, low, high in ends]
-        less, other = _best(body, middles)
+        middles = [_build_plane(axis, (low + high) / 2) for axis, low, high in ends]
+        less, other = _find_best_cut(body, middles)
         halves_best = (
             other if other is not None and less < added * (1 - _LEAST_SHARE) else halves_best
         )
@@ -210,17 +210,21 @@ def _split(
     return None if min(upper.volume(), lower.volume()) < _LEAST_MM3 else (upper, lower)
 
 
-def _largest_planes(corners: Points, normals: Floats, areas: Floats) -> list[tuple[Normal, float]]:
+def _find_largest_planes(
+    corners: Points, normals: Floats, areas: Floats
+) -> list[tuple[Normal, float]]:
     """Return the planes with the largest share of a surface."""
     offsets = np.einsum("ij,ij->i", corners[:, 0], normals)
     keys = np.round(np.column_stack([normals, offsets]), 3)
     _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     totals = np.bincount(which.reshape(-1), weights=areas)
     order = first[np.argsort(-np.round(totals, 6), kind="stable")[:_MOST_PLANES]]
-    return [_plane(normals[face], float(offsets[face]) - _SHEET_MM) for face in order.tolist()]
+    return [
+        _build_plane(normals[face], float(offsets[face]) - _SHEET_MM) for face in order.tolist()
+    ]
 
 
-def _best(
+def _find_best_cut(
     body: manifold3d.Manifold, planes: Iterable[tuple[Normal, float]]
 ) -> tuple[float, tuple[manifold3d.Manifold, manifold3d.Manifold] | None]:
     """Return the smallest excess of the halves' hulls over all planes, and the halves."""
@@ -249,32 +253,32 @@ class _Wall:
         """Yield cuts through the gap: at its ends, then through its axis."""
         axis, origin = self.hollow.axis, self.hollow.point_m * _TO_MM
         heights = self.points @ axis
-        yield _plane(axis, float(heights.min()) + _SHEET_MM)
-        yield _plane(axis, float(heights.max()) - _SHEET_MM)
+        yield _build_plane(axis, float(heights.min()) + _SHEET_MM)
+        yield _build_plane(axis, float(heights.max()) - _SHEET_MM)
         out = self.points - origin
         out = out - np.outer(out @ axis, axis)
         middle = out.mean(axis=0)
         if float(np.linalg.norm(middle)) < _ROUND * self.hollow.radius_m * _TO_MM:
             # A gap around the whole axis is boxed in first, then cut anywhere.
             yield from self.tangents()
-            across = self._frame()[0]
-            yield _plane(across, float(origin @ across))
+            across = self._find_frame()[0]
+            yield _build_plane(across, float(origin @ across))
             return
         middle /= np.linalg.norm(middle)
         square = np.cross(axis, middle)
         angles = np.arctan2(out @ square, out @ middle)
         half = (float(angles.min()) + float(angles.max())) / 2
         across = math.cos(half) * square - math.sin(half) * middle
-        yield _plane(across, float(origin @ across))
+        yield _build_plane(across, float(origin @ across))
 
     def tangents(self) -> Iterator[tuple[Normal, float]]:
         """Yield cuts that separate the gap from its surroundings."""
-        for axis in self._frame():
+        for axis in self._find_frame():
             heights = self.points @ axis
-            yield _plane(axis, float(heights.min()) + _SHEET_MM)
-            yield _plane(axis, float(heights.max()) - _SHEET_MM)
+            yield _build_plane(axis, float(heights.min()) + _SHEET_MM)
+            yield _build_plane(axis, float(heights.max()) - _SHEET_MM)
 
-    def _frame(self) -> tuple[Floats, Floats]:
+    def _find_frame(self) -> tuple[Floats, Floats]:
         """Return two directions across the axis, along the frame's axes if possible."""
         axis = self.hollow.axis
         across = np.eye(3)[int(np.argmin(np.abs(axis)))]
@@ -283,7 +287,7 @@ class _Wall:
         return across, np.cross(axis, across)
 
 
-def _wall(points: Points, hollows: Sequence[Hollow]) -> _Wall | None:
+def _find_wall(points: Points, hollows: Sequence[Hollow]) -> _Wall | None:
     """Return the wall that holds most corners of a gap, if it holds enough."""
     best, wall = _ON_WALL, None
     for hollow in hollows:
@@ -297,6 +301,6 @@ def _wall(points: Points, hollows: Sequence[Hollow]) -> _Wall | None:
     return wall
 
 
-def _plane(normal: Floats, offset: float) -> tuple[Normal, float]:
+def _build_plane(normal: Floats, offset: float) -> tuple[Normal, float]:
     x, y, z = (float(value) for value in normal)
     return (x, y, z), float(offset)

@@ -11,7 +11,7 @@ import numpy as np
 from skillplan_cad.blocking.all_pairs import BlockingTest
 from skillplan_cad.product import Part, Points, Product, Triangles
 from skillplan_cad.relation import Relation
-from skillplan_cad.writing.convex_pieces import Hollow, Pieces, convex_pieces
+from skillplan_cad.writing.convex_pieces import Hollow, Pieces, decompose_convex
 from skillplan_cad.writing.top_grasp import Upright
 
 Mesh = tuple[Points, Triangles]
@@ -70,7 +70,7 @@ class ProvedPieces:
         )
 
 
-def proved_pieces(
+def prove_pieces(
     product: Product,
     relation: Relation,
     meshes: Mapping[str, Sequence[Mesh]],
@@ -96,7 +96,7 @@ def proved_pieces(
         name: cutter.pieces(product.parts[product.index(name)], given, _COARSE_M)
         for name, given in meshes.items()
     }
-    wrong = _differences(product, relation, pieces_of, upright)
+    wrong = _find_differences(product, relation, pieces_of, upright)
     cut = sorted(
         {name for difference in wrong for name in (difference.part, difference.by)}
         & pieces_of.keys()
@@ -106,7 +106,7 @@ def proved_pieces(
         for name in cut:
             part = product.parts[product.index(name)]
             pieces_of[name] = cutter.pieces(part, meshes[name], fine_m)
-        wrong = _differences(product, relation, pieces_of, upright)
+        wrong = _find_differences(product, relation, pieces_of, upright)
     return ProvedPieces(pieces_of, tuple(cut), wrong)
 
 
@@ -119,17 +119,22 @@ class _Cutter:
 
     def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
         """Return the pieces of each mesh of a part."""
-        hollows = self._hollows(part)
+        hollows = self._find_hollows(part)
         rows = [(*hollow.point_m, *hollow.axis, hollow.radius_m) for hollow in hollows]
         pieces = []
         for vertices_m, triangles in meshes:
-            key = (_rounded(vertices_m), triangles.tobytes(), _rounded(rows), allowed_m)
+            key = (
+                _round_to_bytes(vertices_m),
+                triangles.tobytes(),
+                _round_to_bytes(rows),
+                allowed_m,
+            )
             if key not in self._made:
-                self._made[key] = convex_pieces(vertices_m, triangles, allowed_m, hollows)
+                self._made[key] = decompose_convex(vertices_m, triangles, allowed_m, hollows)
             pieces.append(self._made[key])
         return tuple(pieces)
 
-    def _hollows(self, part: Part) -> list[Hollow]:
+    def _find_hollows(self, part: Part) -> list[Hollow]:
         upright = self._upright
         bottom = np.array(upright.bottom(part))
         hollows: list[Hollow] = []
@@ -143,7 +148,7 @@ class _Cutter:
         return hollows
 
 
-def _rounded(lengths_m: Any) -> bytes:
+def _round_to_bytes(lengths_m: Any) -> bytes:
     """Return lengths as bytes, rounded to 0.1 micrometres as in mesh files."""
     rounded = np.round(np.asarray(lengths_m, dtype=np.float64), _DECIMALS) + 0.0
     return bytes(rounded.tobytes())
@@ -158,7 +163,7 @@ def _is_same(hollow: Hollow, point: Points, axis: Points, radius_m: float) -> bo
     )
 
 
-def _differences(
+def _find_differences(
     product: Product,
     relation: Relation,
     pieces_of: Mapping[str, Sequence[Pieces]],
@@ -168,7 +173,7 @@ def _differences(
     parts = []
     for part in product:
         pieces = [piece for mesh in pieces_of.get(part.name, ()) for piece in mesh]
-        parts.append(_in_pieces(part, pieces, upright) if pieces else part)
+        parts.append(_replace_mesh(part, pieces, upright) if pieces else part)
     waived = np.zeros((len(product), len(product)), dtype=bool)
     for fastener in relation.fasteners:
         for mate in fastener.threaded_in:
@@ -189,7 +194,7 @@ def _differences(
     return tuple(sorted(differences, key=lambda pair: (pair.direction, pair.part, pair.by)))
 
 
-def _in_pieces(part: Part, pieces: Iterable[Mesh], upright: Upright) -> Part:
+def _replace_mesh(part: Part, pieces: Iterable[Mesh], upright: Upright) -> Part:
     """Return a part with its pieces as its mesh, back in its place in the product."""
     points, triangles, before = [], [], 0
     bottom = np.array(upright.bottom(part))

@@ -22,16 +22,23 @@ from skillplan.files.schema_errors import list_schema_issues
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.planning.bearing import Bearing, best_bearing
+from skillplan_cad.planning.bearing import Bearing, find_best_bearing
 from skillplan_cad.product import Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, Relation
-from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
-from skillplan_cad.writing.top_grasp import CUP, GRIPPER, Meshes, Upright, held_part, standing
+from skillplan_cad.writing.pieces_proof import ProvedPieces, prove_pieces
+from skillplan_cad.writing.top_grasp import (
+    CUP,
+    GRIPPER,
+    Meshes,
+    Upright,
+    choose_grasp,
+    place_upright,
+)
 
 _LONGEST = 64
 
 
-def task_names(names: Iterable[str], taken: Iterable[str] = ()) -> Mapping[str, str]:
+def assign_task_names(names: Iterable[str], taken: Iterable[str] = ()) -> Mapping[str, str]:
     """Map each part name to a unique task name of letters, digits, `_` and `-`.
 
     Parameters
@@ -119,7 +126,9 @@ class _Taken:
         return near
 
 
-def tray(product_size_m: tuple[float, float, float], items: Sequence[Item], reach_m: float) -> Tray:
+def lay_out_table(
+    product_size_m: tuple[float, float, float], items: Sequence[Item], reach_m: float
+) -> Tray:
     """Lay out the table: product in front of the arm to its left, items close to it.
 
     Parameters
@@ -132,18 +141,18 @@ def tray(product_size_m: tuple[float, float, float], items: Sequence[Item], reac
         Greatest distance from the arm's base to its tip [m].
     """
     farthest = min(_FARTHEST_M, 0.85 * reach_m)
-    goal = _goal(product_size_m, farthest)
+    goal = _choose_goal(product_size_m, farthest)
     half = (product_size_m[0] / 2, product_size_m[1] / 2)
     taken = [_Taken(goal, half, _BESIDE_PRODUCT_M)]
     taken += [_Taken(place, (0.03, 0.03), 0.06) for place in HOLDERS]
-    spots = _spots(farthest, goal)
+    spots = _list_grid_places(farthest, goal)
     places: dict[str, Place] = {}
     without = []
     order = sorted(items, key=lambda item: (-item.size_m[0] * item.size_m[1], item.name))
     for item in order:
         size = (item.size_m[0] / 2, item.size_m[1] / 2)
         room = _BESIDE_TALL_M if item.size_m[2] > _TALL_M else _APART_M
-        free = np.flatnonzero(_fits(spots, size, room, taken, farthest))
+        free = np.flatnonzero(_mask_fitting(spots, size, room, taken, farthest))
         if not len(free):
             without.append(item.name)
             continue
@@ -153,7 +162,7 @@ def tray(product_size_m: tuple[float, float, float], items: Sequence[Item], reac
     return Tray(goal, places, tuple(sorted(without)))
 
 
-def _goal(size_m: tuple[float, float, float], farthest_m: float) -> Place:
+def _choose_goal(size_m: tuple[float, float, float], farthest_m: float) -> Place:
     """Return the product's place: half a metre before the arm, a little to its left."""
     y_m = min(0.12 + size_m[1] / 2, 0.25)
     x_m = max(0.50, _NEAREST_M + size_m[0] / 2)
@@ -163,7 +172,7 @@ def _goal(size_m: tuple[float, float, float], farthest_m: float) -> Place:
     return round(x_m, 3), round(y_m, 3)
 
 
-def _spots(farthest_m: float, goal: Place) -> Floats:
+def _list_grid_places(farthest_m: float, goal: Place) -> Floats:
     """Return grid places within reach, sorted by distance to the product."""
     count = int(farthest_m / _GRID_M)
     places = []
@@ -177,7 +186,7 @@ def _spots(farthest_m: float, goal: Place) -> Floats:
     return np.array(places).reshape(-1, 2)
 
 
-def _fits(
+def _mask_fitting(
     spots: Floats, half: Place, room: float, taken: Sequence[_Taken], farthest_m: float
 ) -> Bools:
     """Return a mask of the places where a rectangle is in reach and clear of all others."""
@@ -190,7 +199,7 @@ def _fits(
     return fits
 
 
-def refused(document: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, str]:
+def find_refusals(document: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, str]:
     """Return the reasons why `check` refuses a task, by names of parts and screws.
 
     Reasons that concern no part have an empty name.
@@ -208,14 +217,14 @@ def refused(document: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, 
             path = Path(folder, name)
             path.parent.mkdir(exist_ok=True)
             path.write_text(content, "utf-8")
-        for issue in _issues(document, folder):
+        for issue in _list_issues(document, folder):
             of_part = len(issue.path) > 1 and issue.path[0] in ("parts", "screws")
             about = str(issue.path[1]) if of_part else ""
             reasons.setdefault(about, issue.message)
     return reasons
 
 
-def _issues(document: Mapping[str, Any], folder: str) -> list[Issue]:
+def _list_issues(document: Mapping[str, Any], folder: str) -> list[Issue]:
     domain = AssemblyDomain()
     try:
         config = domain.Config.model_validate(document, context={"folder": Path(folder)})
@@ -233,7 +242,7 @@ _LEAST_SAFE_M = 0.15
 _ABOVE_PRODUCT_M = 0.05
 
 
-def robot_entry(
+def build_robot_entry(
     robot: str, parts: Sequence[Part], gripped: Sequence[Part], upright: Upright
 ) -> dict[str, Any]:
     """Return the entry of an arm that travels above the product with its payload.
@@ -252,7 +261,7 @@ def robot_entry(
     return {**named, "safe_height_m": round(safe, 3)}
 
 
-def tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the tools that parts and screws use, with the grip force of the heaviest part.
 
     Parameters
@@ -270,11 +279,11 @@ def tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict[str, 
         hand = ARMS[robot][1]
         tools[GRIPPER]["opening_m"] = hand.opening_m
         heaviest_kg = max(entry["mass_kg"] for entry in entries if entry["tool"] == GRIPPER)
-        tools[GRIPPER]["force_n"] = _grip_n(heaviest_kg, hand.force_n)
+        tools[GRIPPER]["force_n"] = _compute_grip_n(heaviest_kg, hand.force_n)
     return tools
 
 
-def _grip_n(mass_kg: float, most_n: float) -> float:
+def _compute_grip_n(mass_kg: float, most_n: float) -> float:
     """Return the force that lifts a mass by friction, in whole newtons, up to a limit."""
     needed_n = _GRIP_MARGIN * mass_kg * _GRAVITY_M_PER_S2 / (2 * _FRICTION)
     return float(min(most_n, max(_LEAST_GRIP_N, math.ceil(needed_n))))
@@ -283,7 +292,7 @@ def _grip_n(mass_kg: float, most_n: float) -> float:
 _DECIMALS = 7
 
 
-def obj_text(vertices_m: Points, triangles: Triangles) -> str:
+def format_obj(vertices_m: Points, triangles: Triangles) -> str:
     """Return an OBJ file of a closed mesh.
 
     Parameters
@@ -299,7 +308,7 @@ def obj_text(vertices_m: Points, triangles: Triangles) -> str:
     return "\n".join(lines) + "\n"
 
 
-def pieces_text(pieces: Iterable[tuple[Points, Triangles]]) -> str:
+def format_pieces(pieces: Iterable[tuple[Points, Triangles]]) -> str:
     """Return an OBJ file of several bodies, each an object with its own vertices.
 
     Parameters
@@ -338,7 +347,7 @@ class Places:
     without: tuple[str, ...]
 
 
-def places_of(
+def lay_out_parts(
     parts: Sequence[Part],
     gripped: Sequence[Part],
     names: Mapping[str, str],
@@ -361,7 +370,7 @@ def places_of(
     up
         Vector that points up, in the product's frame.
     """
-    upright = standing(gripped, up, (0.0, 0.0))
+    upright = place_upright(gripped, up, (0.0, 0.0))
     feeders = _feeders(parts, names, taken)
     items: dict[str, Item] = {}
     for part in parts:
@@ -371,11 +380,11 @@ def places_of(
             items.setdefault(name, Item(name, (x, y, z)))
     points = np.concatenate([upright.vertices(part) for part in parts])
     x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
-    layout = tray((x, y, z), list(items.values()), ARMS[robot][0].works_within_m)
+    layout = lay_out_table((x, y, z), list(items.values()), ARMS[robot][0].works_within_m)
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
     )
-    return Places(standing(gripped, up, layout.product_m), layout, feeders, without)
+    return Places(place_upright(gripped, up, layout.product_m), layout, feeders, without)
 
 
 def _feeders(
@@ -390,7 +399,7 @@ def _feeders(
     for alike in by_shape.values():
         if len(alike) > 1:
             stem = f"{names[alike[0].name]}_feeder"
-            name = task_names([stem], known)[stem]
+            name = assign_task_names([stem], known)[stem]
             known.add(name)
             feeder_of |= {part.name: name for part in alike}
     return feeder_of
@@ -400,7 +409,7 @@ def _feeders(
 _LEVEL = 1e-6
 
 
-def not_straight(plan: AssemblyPlan) -> dict[str, str]:
+def find_indirect_parts(plan: AssemblyPlan) -> dict[str, str]:
     """Return the parts that no straight single-part move brings, each with a reason."""
     reasons: dict[str, str] = {}
     for step in plan.steps:
@@ -413,7 +422,7 @@ def not_straight(plan: AssemblyPlan) -> dict[str, str]:
     return reasons
 
 
-def from_below(relation: Relation, up: Vector) -> dict[str, str]:
+def find_parts_from_below(relation: Relation, up: Vector) -> dict[str, str]:
     """Return the screws and nuts that are driven from below, each with a reason."""
     words = "is driven from below: the product has to be turned over, or held up by a fixture"
     return {
@@ -423,7 +432,7 @@ def from_below(relation: Relation, up: Vector) -> dict[str, str]:
     }
 
 
-def plan_limits(product: Product, plan: AssemblyPlan, up: Vector) -> Iterator[tuple[str, str]]:
+def list_plan_limits(product: Product, plan: AssemblyPlan, up: Vector) -> Iterator[tuple[str, str]]:
     """Yield part names with the limits that the plan puts on them.
 
     Parameters
@@ -449,13 +458,13 @@ def plan_limits(product: Product, plan: AssemblyPlan, up: Vector) -> Iterator[tu
 _FLAT = 0.999
 
 
-def screw_entry(
+def build_screw_entry(
     part: Part, fastener: Fastener, relation: Relation, upright: Upright
 ) -> dict[str, Any]:
     """Return hole, head, mass and, unless it points straight down, axis of a screw."""
     axis = np.asarray(fastener.axis)
     along = part.vertices_m @ axis
-    seat = _seat(part, fastener, relation)
+    seat = _find_seat(part, fastener, relation)
     point = np.asarray(fastener.point_m)
     mouth = point + (seat - float(point @ axis)) * axis
     apart = part.vertices_m - point
@@ -472,7 +481,7 @@ def screw_entry(
     return entry
 
 
-def _seat(part: Part, fastener: Fastener, relation: Relation) -> float:
+def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
     """Return the position of a fastener's head contact along its axis [m].
 
     A nut consists of head only.
@@ -533,7 +542,7 @@ class WrittenTask:
     pieces: ProvedPieces
 
 
-def task_of(
+def build_task(
     product: Product,
     relation: Relation,
     plan: AssemblyPlan,
@@ -553,17 +562,13 @@ def task_of(
         Supports of the parts; default: the orientation in which most parts stand. If no part is
         supported, none is left out for lack of support.
     """
-    bearing = bearing or best_bearing(product, relation)
-    left_out = {**not_straight(plan), **(bearing.why_not if bearing.order else {})}
-    left_out |= from_below(relation, bearing.up)
+    bearing = bearing or find_best_bearing(product, relation)
+    left_out = {**find_indirect_parts(plan), **(bearing.why_not if bearing.order else {})}
+    left_out |= find_parts_from_below(relation, bearing.up)
     # Pieces of all parts tried so far: they do not depend on the parts left out.
     proved: ProvedPieces | None = None
     while True:
-        for name in relation.driven - left_out.keys():
-            fastener = relation.fastener(name)
-            lost = [join for join in fastener.joins if join in left_out] if fastener else []
-            if lost:
-                left_out[name] = f"goes through or into {lost[0]}, which is left out"
+        left_out |= _find_loose_screws(relation, left_out)
         if all(part.name in left_out or part.name in relation.driven for part in product):
             return None
         writer = _Writer(product, relation, plan, bearing, robot, left_out)
@@ -571,20 +576,32 @@ def task_of(
             words = "finds no place within the arm's reach"
             left_out |= dict.fromkeys(writer.places.without, words)
             continue
-        task = writer.task(proved)
+        task = writer.write(proved)
         proved = proved or task.pieces
-        reasons = refused(task.document, task.files)
+        reasons = find_refusals(task.document, task.files)
         if not reasons:
             return task
-        owners = {own: name for name, own in task.names.items()}
-        more = {
-            owners[own]: f"is refused: {words.removesuffix('.')}"
-            for own, words in reasons.items()
-            if own
+        product_names = {task_name: name for name, task_name in task.names.items()}
+        refused_parts = {
+            product_names[task_name]: f"is refused: {words.removesuffix('.')}"
+            for task_name, words in reasons.items()
+            if task_name
         }
-        if not more:
+        if not refused_parts:
             return replace(task, faults=tuple(reasons.values()))
-        left_out |= more
+        left_out |= refused_parts
+
+
+def _find_loose_screws(relation: Relation, left_out: Mapping[str, str]) -> dict[str, str]:
+    """Return the screws and nuts that join a part that is left out, each with a reason."""
+    loose: dict[str, str] = {}
+    for name in relation.driven - left_out.keys():
+        fastener = relation.fastener(name)
+        for join in fastener.joins if fastener else ():
+            if join in left_out or join in loose:
+                loose[name] = f"goes through or into {join}, which is left out"
+                break
+    return loose
 
 
 @dataclass
@@ -606,7 +623,7 @@ class _Writer:
 
     def __post_init__(self) -> None:
         taken = {GRIPPER, CUP, DRIVER, self.robot, "world", "home"}
-        names = task_names((part.name for part in self.product), taken)
+        names = assign_task_names((part.name for part in self.product), taken)
         self.names = {name: own for name, own in names.items() if name not in self.left_out}
         self.kept = tuple(part for part in self.product if part.name in self.names)
         # A part of a sub-assembly has its own step before that of the sub-assembly.
@@ -614,39 +631,56 @@ class _Writer:
         for step in self.plan.steps:
             for part in step.parts:
                 self.steps.setdefault(part, step)
-        self.gripped = [part for part in self.kept if not self._driven(part)]
+        self.gripped = [part for part in self.kept if not self._get_driven(part)]
         known, up = taken | set(self.names.values()), self.bearing.up
-        self.places = places_of(self.kept, self.gripped, self.names, known, up, self.robot)
+        self.places = lay_out_parts(self.kept, self.gripped, self.names, known, up, self.robot)
         self.upright = self.places.upright
 
-    def task(self, proved: ProvedPieces | None = None) -> WrittenTask:
+    def write(self, proved: ProvedPieces | None = None) -> WrittenTask:
         """Return the written task; computes convex pieces if they are not given."""
-        up, gripped = self.bearing.up, self.gripped
         files: dict[str, str] = {}
-        parts = {self.names[part.name]: self._part(part, files) for part in gripped}
+        parts = {self.names[part.name]: self._build_part(part, files) for part in self.gripped}
         screws = {
-            self.names[part.name]: self._screw(part, fastener)
+            self.names[part.name]: self._build_screw(part, fastener)
             for part in self.kept
-            if (fastener := self._driven(part)) is not None
+            if (fastener := self._get_driven(part)) is not None
         }
         if proved is None:
-            proved = proved_pieces(self.product, self.relation, self._meshes, self.upright)
+            proved = prove_pieces(self.product, self.relation, self._meshes, self.upright)
         proved = proved.of(self._meshes)
+        self._add_pieces(proved, parts, files)
+        for name, words in list_plan_limits(self.product, self.plan, self.bearing.up):
+            self._note(name, words)
+        for name in self.names:
+            if name in self.bearing.why_not:
+                self._note(name, self.bearing.why_not[name])
+        document = self._build_document(parts, screws)
+        text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+        limits = {name: tuple(lines) for name, lines in self.limits.items()}
+        files["product.yaml"] = _HEADER + _format_comments(self.left_out, limits) + text
+        return WrittenTask(
+            document, files, self.names, limits, self.left_out, (), self.upright, proved
+        )
+
+    def _add_pieces(
+        self, proved: ProvedPieces, parts: Mapping[str, Any], files: dict[str, str]
+    ) -> None:
+        """Add files of convex pieces, and name them in the entries of the meshes."""
         for part_name, per_mesh in proved.pieces.items():
             for mesh, pieces in zip(parts[self.names[part_name]]["meshes"], per_mesh, strict=True):
                 if pieces:
                     mesh["pieces"] = mesh["file"].removesuffix(".obj") + ".pieces.obj"
-                    files[mesh["pieces"]] = pieces_text(pieces)
-        for name, words in plan_limits(self.product, self.plan, up):
-            self._note(name, words)
-        for name in [part for part in self.names if part in self.bearing.why_not]:
-            self._note(name, self.bearing.why_not[name])
+                    files[mesh["pieces"]] = format_pieces(pieces)
+
+    def _build_document(
+        self, parts: Mapping[str, dict[str, Any]], screws: Mapping[str, dict[str, Any]]
+    ) -> dict[str, Any]:
         document = {
             "kind": "assembly",
-            "name": self._name(),
-            "description": f"{self._count()} of {self.product.name}, from CAD.",
-            "robot": robot_entry(self.robot, self.kept, gripped, self.upright),
-            "tools": tool_entries(self.robot, (*parts.values(), *screws.values())),
+            "name": self._choose_name(),
+            "description": f"{self._count_parts()} of {self.product.name}, from CAD.",
+            "robot": build_robot_entry(self.robot, self.kept, self.gripped, self.upright),
+            "tools": build_tool_entries(self.robot, (*parts.values(), *screws.values())),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
             "feeders": self._feeders(),
@@ -657,21 +691,16 @@ class _Writer:
         document = {key: value for key, value in document.items() if value not in ({}, None)}
         if GRIPPER not in document["tools"]:
             document["initial_tool"] = next(iter(document["tools"]))
-        text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-        limits = {name: tuple(lines) for name, lines in self.limits.items()}
-        files["product.yaml"] = _HEADER + _comments(self.left_out, limits) + text
-        return WrittenTask(
-            document, files, self.names, limits, self.left_out, (), self.upright, proved
-        )
+        return document
 
-    def _count(self) -> str:
+    def _count_parts(self) -> str:
         count, all_of_them = len(self.kept), len(self.product)
         return f"{count} parts" if count == all_of_them else f"{count} of {all_of_them} parts"
 
-    def _name(self) -> str:
-        return next(iter(task_names([self.product.name or "product"]).values()))
+    def _choose_name(self) -> str:
+        return next(iter(assign_task_names([self.product.name or "product"]).values()))
 
-    def _driven(self, part: Part) -> Fastener | None:
+    def _get_driven(self, part: Part) -> Fastener | None:
         """Return the fastener that a part is, if a screwdriver drives it."""
         return self.relation.fastener(part.name) if part.name in self.relation.driven else None
 
@@ -683,34 +712,27 @@ class _Writer:
             name = groups.get(part.name)
             if name is not None and name in layout.places:
                 entries[name] = {"position_m": list(layout.places[name])}
-                fastener = self._driven(part)
+                fastener = self._get_driven(part)
                 if fastener is not None:
                     height_m = fastener.length_m + _BELOW_SHANK_M
                     entries[name]["height_m"] = math.ceil(height_m * 1e3) / 1e3
         return entries
 
-    def _part(self, part: Part, files: dict[str, str]) -> dict[str, Any]:
+    def _build_part(self, part: Part, files: dict[str, str]) -> dict[str, Any]:
         """Return the entry of a part, and add its meshes to the files."""
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         local = self.upright.vertices(part) - bottom
-        ways = self._ways(part)
+        ways = self._list_directions(part)
         down = ways == [[0.0, 0.0, -1.0]]
-        sunk_m = max(0.0, self._sunk_m(part) - float(bottom[2])) if down else 0.0
+        sunk_m = max(0.0, self._find_sunk_m(part) - float(bottom[2])) if down else 0.0
         centre = self.upright.matrix @ np.asarray(part.centre_m) + self.upright.offset_m - bottom
-        held = held_part(part, local, (float(centre[0]), float(centre[1])), self.robot, sunk_m)
+        held = choose_grasp(part, local, (float(centre[0]), float(centre[1])), self.robot, sunk_m)
         for words in held.limits:
             self._note(part.name, words)
-        meshes = held.meshes
-        self._meshes[part.name] = meshes
+        self._meshes[part.name] = held.meshes
         entry: dict[str, Any] = {**held.entry}
         entry["mass_kg"] = float(f"{max(part.mass_kg, 1e-6):.4g}")
-        entry["meshes"] = []
-        for number, (points, triangles) in enumerate(meshes, 1):
-            path = f"meshes/{name}{f'_{number}' if len(meshes) > 1 else ''}.obj"
-            files[path] = obj_text(points, triangles)
-            low, high = points.min(axis=0), points.max(axis=0)
-            centre = [round(float(value), 7) + 0.0 for value in (low + high) / 2]
-            entry["meshes"].append({"file": path, "centre_m": centre})
+        entry["meshes"] = _add_meshes(name, held.meshes, files)
         feeder = self.places.feeders.get(part.name)
         if feeder is not None:
             entry["feeder"] = feeder
@@ -728,7 +750,7 @@ class _Writer:
             entry["insert_along"] = ways
         return entry
 
-    def _sunk_m(self, part: Part) -> float:
+    def _find_sunk_m(self, part: Part) -> float:
         """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""
         order = self.bearing.order
         before = order[: order.index(part.name)] if part.name in order else ()
@@ -740,7 +762,7 @@ class _Writer:
         ]
         return max(heights, default=0.0)
 
-    def _ways(self, part: Part) -> list[list[float]]:
+    def _list_directions(self, part: Part) -> list[list[float]]:
         """Return up to three directions for bringing a part, that of the plan first."""
         step = self.steps.get(part.name)
         if step is None or part.name not in step.parts:
@@ -757,27 +779,39 @@ class _Writer:
             ]
             vectors = [vector for vector in vectors if vector[2] < _LEVEL]
             if vectors:
-                best = min(vectors, key=_height)
+                best = min(vectors, key=_get_height)
                 if not any(np.allclose(best, way, atol=1e-6) for way in ways):
                     ways.append(list(best))
         return ways[:_MOST_DIRECTIONS]
 
-    def _screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
-        lies = [join for join in fastener.joins if self._driven(self._of(join)) is None]
+    def _build_screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
+        lies = [join for join in fastener.joins if self._get_driven(self._get_part(join)) is None]
         through = self.names[lies[0] if lies else fastener.joins[0]]
-        entry = screw_entry(part, fastener, self.relation, self.upright)
+        entry = build_screw_entry(part, fastener, self.relation, self.upright)
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
         return {"tool": DRIVER, "through": through, **entry, **fed}
 
-    def _of(self, name: str) -> Part:
+    def _get_part(self, name: str) -> Part:
         return self.product.parts[self.product.index(name)]
 
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
 
 
-def _comments(left_out: Mapping[str, str], limits: Mapping[str, tuple[str, ...]]) -> str:
+def _add_meshes(name: str, meshes: Meshes, files: dict[str, str]) -> list[dict[str, Any]]:
+    """Add the meshes of a part to the files, and return their entries."""
+    entries = []
+    for number, (points, triangles) in enumerate(meshes, 1):
+        path = f"meshes/{name}{f'_{number}' if len(meshes) > 1 else ''}.obj"
+        files[path] = format_obj(points, triangles)
+        low, high = points.min(axis=0), points.max(axis=0)
+        centre = [round(float(value), 7) + 0.0 for value in (low + high) / 2]
+        entries.append({"file": path, "centre_m": centre})
+    return entries
+
+
+def _format_comments(left_out: Mapping[str, str], limits: Mapping[str, tuple[str, ...]]) -> str:
     """Return the parts left out and the limits of one arm as comment lines."""
     messages = [f"Left out: {name} {words}." for name, words in left_out.items()]
     messages += [f"Beware: {name} {words}." for name, lines in limits.items() for words in lines]
@@ -785,5 +819,5 @@ def _comments(left_out: Mapping[str, str], limits: Mapping[str, tuple[str, ...]]
     return "".join(f"# {line}\n" for lines in wrapped for line in lines)
 
 
-def _height(vector: tuple[float, float, float]) -> float:
+def _get_height(vector: tuple[float, float, float]) -> float:
     return vector[2]

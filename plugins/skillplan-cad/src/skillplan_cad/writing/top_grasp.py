@@ -44,7 +44,7 @@ class TopGrasp:
     grasps: tuple[dict[str, Any], ...]
 
 
-def top_grasp(
+def find_top_grasp(
     vertices_m: Points, triangles: Triangles, opening_m: float, most_depth_m: float | None = None
 ) -> TopGrasp | None:
     """Return the grasps by jaws from above, or None if the part is too wide.
@@ -60,9 +60,9 @@ def top_grasp(
     """
     corners = vertices_m[triangles]
     meshes: Meshes = ((vertices_m, triangles),)
-    shoulder = _shoulder(corners)
+    shoulder = _find_shoulder(corners)
     if shoulder is not None:
-        meshes = _halves(vertices_m, triangles, shoulder) or meshes
+        meshes = _split_at(vertices_m, triangles, shoulder) or meshes
     held = meshes[0][0]
     size = np.ptp(held, axis=0)
     most = _MOST_DEPTH_M if most_depth_m is None else min(_MOST_DEPTH_M, most_depth_m)
@@ -75,7 +75,7 @@ def top_grasp(
     return TopGrasp(meshes, tuple(grasps)) if grasps else None
 
 
-def _shoulder(corners: NDArray[np.float64]) -> float | None:
+def _find_shoulder(corners: NDArray[np.float64]) -> float | None:
     """Return the height of the highest face next to a knob [m], or None."""
     top = float(corners[:, :, 2].max())
     flat = corners[(corners[:, :, 2] > top - _FLAT_M).all(axis=1)][:, :, :2].reshape(-1, 2)
@@ -97,7 +97,7 @@ def _shoulder(corners: NDArray[np.float64]) -> float | None:
     return float(beside.max()) if len(beside) and beside.max() > _FLAT_M else None
 
 
-def _halves(vertices_m: Points, triangles: Triangles, height_m: float) -> Meshes | None:
+def _split_at(vertices_m: Points, triangles: Triangles, height_m: float) -> Meshes | None:
     """Return the parts of a mesh above and below a height."""
     mesh = manifold3d.Mesh64(
         vert_properties=np.ascontiguousarray(vertices_m * 1e3),
@@ -125,7 +125,7 @@ _RIM_POINTS = 8
 _FLAT_M_HELD_PART = 1e-4
 
 
-def suction_spot(
+def find_suction_spot(
     vertices_m: Points, triangles: Triangles, centre_m: tuple[float, float]
 ) -> tuple[float, float] | None:
     """Return a point of the highest flat face that fits a cup, or None.
@@ -148,9 +148,9 @@ def suction_spot(
     points = np.concatenate([np.array([centre_m]), points])
     turns = 2 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
     rim = _CUP_M * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    fits = _inside(points, flat)
+    fits = _mask_inside(points, flat)
     for offset in rim:
-        fits &= _inside(points + offset, flat)
+        fits &= _mask_inside(points + offset, flat)
     if not fits.any():
         return None
     good = points[fits]
@@ -158,7 +158,7 @@ def suction_spot(
     return round(float(best[0]), 6), round(float(best[1]), 6)
 
 
-def _inside(points: NDArray[np.float64], flat: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _mask_inside(points: NDArray[np.float64], flat: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return a mask of the points that lie in any of the triangles."""
     inside = np.zeros(len(points), dtype=np.bool_)
     for a, b, c in flat:
@@ -201,7 +201,7 @@ class Held:
     limits: tuple[str, ...] = ()
 
 
-def held_part(
+def choose_grasp(
     part: Part, local: Points, centre_m: tuple[float, float], robot: str, sunk_m: float = 0.0
 ) -> Held:
     """Choose jaws if the part fits between them, suction otherwise.
@@ -216,10 +216,10 @@ def held_part(
         Height up to which other parts enclose it at its goal, from its bottom [m].
     """
     opening_m = ARMS[robot][1].opening_m
-    limits = _too_heavy(part.mass_kg, robot)
+    limits = _check_payload(part.mass_kg, robot)
     size = np.ptp(local, axis=0)
     free_m = float(size[2]) - sunk_m - _ABOVE_M
-    held = top_grasp(local, part.triangles, opening_m, free_m if sunk_m else None)
+    held = find_top_grasp(local, part.triangles, opening_m, free_m if sunk_m else None)
     if held is not None and (not sunk_m or free_m >= _LEAST_DEPTH_M):
         grasps = list(held.grasps)
         entry = {"tool": GRIPPER, "grasp": grasps if len(grasps) > 1 else grasps[0]}
@@ -227,7 +227,7 @@ def held_part(
     whole: Meshes = ((local, part.triangles),)
     if held is None and float(size.min()) <= opening_m - _PLAY_M_HELD_PART:
         return Held({"tool": GRIPPER, "grasp": "auto"}, whole, limits)
-    spot = suction_spot(local, part.triangles, centre_m)
+    spot = find_suction_spot(local, part.triangles, centre_m)
     if spot is not None:
         return Held({"tool": CUP, "grasp": {"at_m": list(spot)}}, whole, limits)
     if held is not None:
@@ -238,7 +238,7 @@ def held_part(
     return Held({"tool": CUP}, whole, (*limits, words))
 
 
-def _too_heavy(mass_kg: float, robot: str) -> tuple[str, ...]:
+def _check_payload(mass_kg: float, robot: str) -> tuple[str, ...]:
     carries_kg = _CARRIES_KG.get(robot, min(_CARRIES_KG.values())) - _HAND_KG
     if mass_kg <= carries_kg:
         return ()
@@ -266,11 +266,11 @@ class Upright:
 
     def point(self, point_m: Vector) -> tuple[float, float, float]:
         """Return a point of the product in the world, rounded to 0.1 micrometres."""
-        return _rounded(self.matrix @ np.asarray(point_m) + self.offset_m)
+        return _round(self.matrix @ np.asarray(point_m) + self.offset_m)
 
     def vector(self, vector: Vector) -> tuple[float, float, float]:
         """Return a direction of the product in the world."""
-        return _rounded(self.matrix @ np.asarray(vector))
+        return _round(self.matrix @ np.asarray(vector))
 
     def vertices(self, part: Part) -> Points:
         """Return the vertices of a part in the world."""
@@ -280,14 +280,14 @@ class Upright:
         """Return the centre of the bottom face of a part's bounding box."""
         points = self.vertices(part)
         low, high = points.min(axis=0), points.max(axis=0)
-        return _rounded(np.array([*((low + high) / 2)[:2], low[2]]))
+        return _round(np.array([*((low + high) / 2)[:2], low[2]]))
 
     def size(self, part: Part) -> Array:
         """Return the extents of a part's bounding box."""
         return np.asarray(np.ptp(self.vertices(part), axis=0))
 
 
-def standing(parts: Iterable[Part], up: Vector, place_m: tuple[float, float]) -> Upright:
+def place_upright(parts: Iterable[Part], up: Vector, place_m: tuple[float, float]) -> Upright:
     """Return the pose that puts parts on the table, centred on a place.
 
     Parameters
@@ -299,14 +299,14 @@ def standing(parts: Iterable[Part], up: Vector, place_m: tuple[float, float]) ->
     place_m
         Centre of their bounding box on the table, x y [m].
     """
-    matrix = _rotation_to_z(up)
+    matrix = _compute_rotation_to_z(up)
     points = np.concatenate([part.vertices_m for part in parts]) @ matrix.T
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     return Upright(matrix, np.array([place_m[0] - middle[0], place_m[1] - middle[1], -low[2]]))
 
 
-def _rotation_to_z(up: Vector) -> Array:
+def _compute_rotation_to_z(up: Vector) -> Array:
     """Return the smallest rotation that turns a unit vector upwards."""
     z = np.asarray(up) / np.linalg.norm(up)
     if abs(z[2]) > 1 - 1e-12:
@@ -318,6 +318,6 @@ def _rotation_to_z(up: Vector) -> Array:
     return np.asarray(np.eye(3) + sine * across + (1 - cosine) * across @ across)
 
 
-def _rounded(values: Array) -> tuple[float, float, float]:
+def _round(values: Array) -> tuple[float, float, float]:
     x, y, z = (round(float(value), _DECIMALS) + 0.0 for value in values)
     return x, y, z
