@@ -111,7 +111,7 @@ class TestFaults:
             load_problem(path, None, {"base.home": "C99"})
         (issue,) = raised.value.issues
         assert (("base", "home"), 0) == (issue.path, issue.line)
-        assert "no position 'C99'" in issue.message
+        assert "position 'C99' is not on" in issue.message
         assert issue.message.endswith("That is what --set says.")
 
     def test_a_file_that_is_no_mapping_is_its_own_fault(self, tmp_path):
