@@ -34,7 +34,7 @@ def commands(parent: Any = None, prefix: str = PROGRAM) -> Iterator[tuple[str, A
 
 
 def page() -> str:
-    """Return a section for each command: usage, what it does, arguments and options."""
+    """Build a section for each command: usage, description, arguments and options."""
     return "\n\n".join(_section(*command) for command in commands())
 
 
@@ -73,7 +73,7 @@ def _usage(words: str, command: Any, context: Any) -> str:
 
 
 def _record(parameter: Any, context: Any) -> tuple[str, str]:
-    """Return how a parameter is written, and what it means with default and range."""
+    """Return the spelling of a parameter, and its meaning with default and range."""
     record = parameter.get_help_record(context)
     return record if record else ("", "")
 
@@ -86,7 +86,7 @@ def _cell(text: str, *, code: bool = False) -> str:
 
 
 def _prose(text: str) -> str:
-    r"""Return a help text's paragraphs; what stands after ``\b`` keeps its lines."""
+    r"""Return a help text's paragraphs; lines after ``\b`` are kept."""
     paragraphs = []
     for paragraph in inspect.cleandoc(text.partition("\f")[0]).split("\n\n"):
         if paragraph.startswith("\b"):

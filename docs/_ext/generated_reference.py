@@ -1,4 +1,4 @@
-"""Sphinx extension: what the code knows about itself stands in the reference, made at build time.
+"""Sphinx extension that generates the reference from the code at build time.
 
 A line ``<!-- generated: NAME ARGUMENT -->`` in a page is replaced by Markdown: ``commands``,
 ``keys KIND`` (of task files), ``options KIND`` (of plugins), ``documents`` (JSON, from the schemas
@@ -54,7 +54,7 @@ def exit_codes() -> str:
 
 
 def floors() -> str:
-    """Return the packages from top to bottom, as import-linter knows them, and what each is."""
+    """Return the packages from top to bottom, in the order of import-linter, with their content."""
     project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))
     contracts = project["tool"]["importlinter"]["contracts"]
     layers = next(one["layers"] for one in contracts if one["type"] == "layers")
@@ -111,7 +111,7 @@ def document_schemas() -> dict[str, dict[str, Any]]:
 
 
 def documents() -> str:
-    """Return a section for every JSON document: what writes it, and its keys with types."""
+    """Build a section for every JSON document: its command, and its keys with types."""
     pieces = []
     for name, schema in document_schemas().items():
         pieces.append(f"## `{name}`\n\n{schema['description']}")

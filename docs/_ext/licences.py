@@ -25,7 +25,7 @@ def projects() -> dict[str, dict[str, Any]]:
 
 
 def direct() -> dict[str, set[str]]:
-    """Return what the core and the plugins name themselves, each with who needs it.
+    """Return the direct requirements of the core and the plugins, each with its users.
 
     What an extra needs is needed by ``skillplan[test]``, for example.
     """
@@ -41,7 +41,7 @@ def direct() -> dict[str, set[str]]:
 
 
 def all_needed() -> dict[str, set[str]]:
-    """Return what `direct` has and all that these need in turn, each with who needs it."""
+    """Return `direct` with all indirect requirements, each with its users."""
     found = defaultdict(set, direct())
     to_visit = sorted(found)
     while to_visit:
@@ -58,7 +58,7 @@ def all_needed() -> dict[str, set[str]]:
 
 
 def licence(name: str) -> str:
-    """Return a distribution's licence as its metadata have it; empty where they do not say."""
+    """Return the licence in a distribution's metadata; empty if it is missing."""
     about = metadata.metadata(name)
     expression = about.get("License-Expression")
     if expression:
@@ -83,7 +83,7 @@ def page() -> str:
         except metadata.PackageNotFoundError:
             lines.append(f"| {name} | - | {MISSING} | {', '.join(sorted(by))} |")
             continue
-        words = re.sub(r"([|<*])", r"\\\1", licence(name) or "says none; see its files")
+        words = re.sub(r"([|<*])", r"\\\1", licence(name) or "not stated; see its files")
         lines.append(
             f"| {about['Name']} | {about['Version']} | {words} | {', '.join(sorted(by))} |"
         )

@@ -100,7 +100,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
     ),
     ("document that `report` is given", "{bytes}", ["cli.report_inputs:_MOST_BYTES"]),
     (
-        "mesh of what a link looks like, in a report",
+        "visual mesh of a link, in a report",
         "{bytes}",
         ["views.playback.meshes:_MOST_BYTES"],
     ),
@@ -125,7 +125,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
     ("metrics of a run", "{bytes}", ["records.training.run_folder:_MOST_BYTES"]),
     (
         "checkpoint",
-        "{bytes}, and what memory has room for",
+        "{bytes}, and the free memory",
         ["training.run_files:MOST_BYTES"],
     ),
     ("file of a parameter study", "{bytes}", ["sweep.study_folder:_MOST_BYTES"]),
@@ -154,7 +154,7 @@ _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 def page() -> str:
     """Return the table."""
     rows = [f"| {what} | {text(words, places)} |" for what, words, places in ROWS]
-    return "\n".join(["| what | at most |", "|---|---|", *rows])
+    return "\n".join(["| input | limit |", "|---|---|", *rows])
 
 
 def text(words: str, places: list[str]) -> str:

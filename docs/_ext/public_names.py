@@ -68,7 +68,7 @@ def setup(app: Any) -> dict[str, Any]:
             )
             if found is not None:
                 return found
-        # Types that are not public, and those of other packages, stay readable text.
+        # Types of other packages, and types that are not public, stay readable text.
         return content if _exists(target) or node.get("reftype") == "class" else None
 
     app.connect("missing-reference", resolve)

@@ -77,7 +77,7 @@ def mappings(schema: Schema) -> Iterator[Mapping]:
 
 
 def _meaning(own: Schema, root: Schema) -> str:
-    """Return what a value is: its own description, or that of what it refers to or holds."""
+    """Return the description of a value, or of its reference or items."""
     for one in (own, resolved(own, root), resolved(_values(own) or {}, root)):
         if one.get("description"):
             return str(one["description"])
@@ -92,7 +92,7 @@ def resolved(own: Schema, root: Schema) -> Schema:
 
 
 def type_text(own: Schema, root: Schema) -> str:
-    """Return in words what a value may be."""
+    """Describe the permitted values in words."""
     own = resolved(own, root)
     if "const" in own:
         return f"`{own['const']}`"
@@ -111,7 +111,7 @@ def type_text(own: Schema, root: Schema) -> str:
 
 
 def _only_output(own: Schema) -> bool:
-    # A key of a document that may be null says so; one of an input is just left out.
+    # Only documents state null as a value; a key of an input is left out instead.
     return "default" not in own and any(one.get("type") == "null" for one in own["anyOf"])
 
 
