@@ -74,11 +74,12 @@ test-release: .venv/.test try-web  ## claims of minutes each, and property tests
 fault-campaign: .venv/.test  ## kills, failing writes, mutated inputs and liars; SEED=1 SCALE=1
 	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE) --jobs 2
 
-check: .venv/.test .venv/.check web/node_modules/.check  ## format, lint, types, import floors; tests of the player
+check: .venv/.test .venv/.check web/node_modules/.check  ## format, lint, types, import layers, prose; tests of the player
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/mypy
 	PYTHONPATH=$$(echo plugins/*/src | tr ' ' :) $(BIN)/lint-imports
+	$(BIN)/python .ci/prose.py
 	$(NPM) run check
 
 format: .venv/.check web/node_modules/.check  ## format, and mend what lint can mend

@@ -1,4 +1,4 @@
-"""The licences of all that skillplan and its plugins need, out of the installed metadata."""
+"""The licences of the requirements of skillplan and its plugins, out of the installed metadata."""
 
 from __future__ import annotations
 

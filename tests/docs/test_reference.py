@@ -291,7 +291,7 @@ class TestLimits:
         for row in (
             "| task file in YAML | 1 MiB, 32 levels, 100,000 values |",
             "| SOP and TSPLIB | 16 MiB, 2,000 nodes, a cost of 2⁴⁰ |",
-            "| checkpoint | 64 GiB, and what memory has room for |",
+            "| checkpoint | 64 GiB, and the free memory |",
         ):
             assert row in table
 

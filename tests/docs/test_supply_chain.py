@@ -38,7 +38,7 @@ def test_every_dependency_stands_with_its_licence():
     direct = {name for name, by in licences.direct().items() if any("[" not in item for item in by)}
     assert {"numpy", "torch", "ezdxf"} <= direct
     assert set() == direct - set(rows)
-    assert [] == [name for name in direct if rows[name] in ("", "says none; see its files")]
+    assert [] == [name for name in direct if rows[name] in ("", "not stated; see its files")]
 
 
 def test_the_list_of_hashes_has_the_versions_of_the_constraints():
