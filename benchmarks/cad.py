@@ -92,7 +92,7 @@ def stages_s(product: Product) -> tuple[dict[str, float], Any]:
     blocked = timed("blocking", lambda: find_blocked(product, directions, TOLERANCE_M))
     touching = [one.parts for one in joints.contacts if one.kind != "thread"]
     confirmation = Confirmation(product, TOLERANCE_M)
-    timed("confirming", lambda: confirmation.doubts(blocked.entries, touching, directions))
+    timed("confirming", lambda: confirmation.find_doubts(blocked.entries, touching, directions))
     relation = assemble_relation(product, joints, blocked, TOLERANCE_M, "unscrew")
     plan = timed("planning", lambda: Planner(product, relation, TOLERANCE_M).plan())
     timed("replaying", lambda: replay(product, relation, plan, TOLERANCE_M))

@@ -342,7 +342,7 @@ def test_more_parts_than_a_process_has_keys_for_devices_are_traced():
     triangles = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
     part = Part("a", (), corners, triangles, (), 1e-9, 7850.0, (0.0, 0.0, 0.0), 0)
     meshes = [RayMesh(part, np.zeros(3)) for _ in range(1100)]
-    hits = [mesh.first_hits([[0.1, 0.1, -9.0]], [[0.0, 0.0, 1.0]])[0] for mesh in meshes]
+    hits = [mesh.find_first_hits([[0.1, 0.1, -9.0]], [[0.0, 0.0, 1.0]])[0] for mesh in meshes]
     assert hits == [2] * len(meshes)
 
 

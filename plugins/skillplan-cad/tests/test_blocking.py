@@ -171,19 +171,19 @@ class TestConfirmation:
         result = relation(name)
         touching = [contact.parts for contact in result.contacts if contact.kind != "thread"]
         confirmation = Confirmation(product(name), 1e-4)
-        assert confirmation.doubts(result.blocked, touching, result.directions) == ()
+        assert confirmation.find_doubts(result.blocked, touching, result.directions) == ()
 
     def test_what_rays_got_wrong_is_listed(self):
         """A link that is not there, and one that is missing."""
         result = relation("l_slot")
-        missing = Confirmation(product("l_slot"), 1e-4).doubts(
+        missing = Confirmation(product("l_slot"), 1e-4).find_doubts(
             [], [("body", "key")], result.directions
         )
         assert missing
         assert not any(item.rays_say_blocked for item in missing)
         link = relation("floating").blocked[0]
         invented = dataclasses.replace(link, part="balloon", by="plate", direction=0)
-        (wrong,) = Confirmation(product("floating"), 1e-4).doubts(
+        (wrong,) = Confirmation(product("floating"), 1e-4).find_doubts(
             [invented], [], relation("floating").directions
         )
         assert wrong.rays_say_blocked

@@ -27,22 +27,22 @@ CHAIN = {
 def test_the_pen_comes_together_in_114_orders_of_which_22_stay_connected():
     relation = pen()
     precedence, touches = derive_precedence(relation), find_touching(relation)
-    assert precedence.orders() == 114
-    assert precedence.orders(lambda parts: is_connected(parts, touches)) == 22
+    assert precedence.count_orders() == 114
+    assert precedence.count_orders(lambda parts: is_connected(parts, touches)) == 22
 
 
 def test_a_part_goes_where_all_that_blocks_it_that_way_is_absent():
     precedence = derive_precedence(pen())
     body, button = 4, 5
     assert not precedence.is_free(body, precedence.everything)
-    assert precedence.free_directions(body, encode_set([body, button])) == (1,)
-    assert precedence.free_directions(button, precedence.everything) == (0,)
+    assert precedence.list_free_directions(body, encode_set([body, button])) == (1,)
+    assert precedence.list_free_directions(button, precedence.everything) == (0,)
 
 
 def test_minimal_alternatives_ask_for_nothing_that_another_does_without():
     precedence = derive_precedence(pen())
     for part in range(len(precedence.names)):
-        minimal = precedence.minimal(part)
+        minimal = precedence.list_minimal(part)
         assert minimal
         for item in minimal:
             subsets = [o for o in precedence.alternatives[part] if not o.blockers & ~item.blockers]
@@ -54,7 +54,7 @@ def test_minimal_alternatives_ask_for_nothing_that_another_does_without():
 )
 def test_fixtures_that_come_apart_leave_no_core(name):
     precedence = derive_precedence(of_fixture(name))
-    assert precedence.core().bit_count() == 1
+    assert precedence.find_core().bit_count() == 1
 
 
 def test_a_group_that_only_moves_as_one_is_a_subassembly():
@@ -87,4 +87,4 @@ def test_pairs_that_no_straight_move_takes_apart_are_locked(name):
 def test_a_pair_past_which_a_path_was_found_locks_nothing():
     relation = of_fixture("l_slot")
     waived = frozenset({("key", "body"), ("body", "key")})
-    assert derive_precedence(relation, waived).core().bit_count() == 1
+    assert derive_precedence(relation, waived).find_core().bit_count() == 1

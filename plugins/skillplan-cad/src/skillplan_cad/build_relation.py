@@ -67,8 +67,6 @@ def find_blocked(
 
     Parameters
     ----------
-    directions
-        Unit vectors.
     tolerance_m
         Smallest radius of a disc that counts as blocked [m].
     on_done

@@ -70,14 +70,10 @@ class Part:
         Mesh in the product's frame: merged vertices, outward triangles.
     volume_m3
         Volume of the mesh, > 0.
-    centre_m
-        Centre of mass.
     shape
         Number of its shape; identical parts share it.
     mirrors
         Number of the shape it mirrors, or None.
-    bodies
-        Number of bodies.
     design
         Name of its design, such as ``socket screw M4x10``; empty if unknown.
     """
@@ -112,8 +108,6 @@ class Product:
 
     Parameters
     ----------
-    name
-        Name according to the file.
     parts
         Two or more parts, in the order of the file.
     unit

@@ -43,8 +43,6 @@ class Contact:
         Share of that volume explained by the chords of curved faces; more is interference.
     overlap_point_m
         A point of the overlap; None without one.
-    overlap_surface_m2
-        Surface of the overlap.
     """
 
     parts: tuple[str, str]
@@ -84,8 +82,6 @@ class RelationPart:
         Name of the first part of the same shape; None for that part itself.
     mirror_of
         Name of the first part whose mirror image this part is, or None.
-    mass_kg
-        Mass.
     """
 
     name: str
@@ -101,10 +97,6 @@ class Fastener:
 
     Parameters
     ----------
-    part
-        Name.
-    kind
-        Kind of fastener.
     axis
         Unit vector of its removal: from the tip of a screw to its head.
     point_m
@@ -138,8 +130,6 @@ class Blocking:
 
     Parameters
     ----------
-    direction
-        Number of the direction.
     distance_m
         Distance of the move until they meet.
     width_m

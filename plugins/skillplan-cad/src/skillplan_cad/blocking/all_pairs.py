@@ -33,13 +33,6 @@ class BlockingTest:
     ----------
     tolerance_m
         Smallest radius of a disc that counts as blocked [m].
-
-    Attributes
-    ----------
-    meshes
-        Ray meshes of the parts.
-    middle_m
-        Origin of these meshes.
     """
 
     def __init__(self, product: Product, tolerance_m: float) -> None:
@@ -51,13 +44,11 @@ class BlockingTest:
         self.meshes = [RayMesh(part, self.middle_m) for part in product.parts]
         self._edges = [list_mesh_edges(part.triangles) for part in product.parts]
 
-    def along(self, direction: Vector, number: int, opposite: int) -> Answers:
+    def find_blockings(self, direction: Vector, number: int, opposite: int) -> Answers:
         """Return the blockings along a direction and against it.
 
         Parameters
         ----------
-        direction
-            Unit vector.
         number, opposite
             Numbers of the direction and of its opposite.
         """
@@ -68,7 +59,7 @@ class BlockingTest:
         for first, second in self._iterate_overlapping(sides):
             lattice = PairLattice(sides[first], sides[second], self._chord_mm)
             for sign in (1, -1):
-                block = lattice.block(sign, self._list_radii())
+                block = lattice.find_block(sign, self._list_radii())
                 if block is not None:
                     entries, unsure = self._build_entries(
                         (first, second), sides, sign, block, frame, (number, opposite)
@@ -77,13 +68,13 @@ class BlockingTest:
                     doubtful += unsure
         return blockings, doubtful
 
-    def blocked_along(self, direction: Vector, tested: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    def find_blocked_pairs(
+        self, direction: Vector, tested: NDArray[np.bool_]
+    ) -> list[tuple[int, int]]:
         """Return the pairs whose first part is blocked by the second along a direction.
 
         Parameters
         ----------
-        direction
-            Unit vector.
         tested
             Mask of the pairs to test, shape (parts, parts).
         """
@@ -94,7 +85,7 @@ class BlockingTest:
             for sign, pair in ((1, (first, second)), (-1, (second, first))):
                 if not tested[pair]:
                     continue
-                block = lattice.block(sign, self._list_radii())
+                block = lattice.find_block(sign, self._list_radii())
                 if block is not None and block.radius_mm > self._list_radii()[-1]:
                     pairs.append(pair)
         return pairs
@@ -221,7 +212,7 @@ def compute_answers(
     if jobs == 1 or len(lines) == 1:
         test = BlockingTest(product, tolerance_m)
         for line in lines:
-            yield test.along(*line)
+            yield test.find_blockings(*line)
         return
     content = pack_content((product, tolerance_m), _WHAT)
     with closing(LocalProcesses(min(jobs, len(lines)))) as executor:
@@ -251,4 +242,4 @@ def compute_answers(
 def _prepare_job(content: tuple[Product, float]) -> Callable[[Job], Answers]:
     """Return the job of a process, which tests one line."""
     test = BlockingTest(*content)
-    return lambda line: test.along(*line)
+    return lambda line: test.find_blockings(*line)

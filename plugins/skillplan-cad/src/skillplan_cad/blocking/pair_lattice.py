@@ -25,8 +25,6 @@ class Outline:
 
     Parameters
     ----------
-    view
-        The part along the direction.
     edges
         Vertices and triangles of each edge, as in `list_mesh_edges`.
     """
@@ -60,8 +58,6 @@ class Outline:
         ----------
         inset
             Distance from the outline [mm].
-        low, high
-            Corners of the rectangle of interest.
         most
             Largest number of points, spread by edge length.
         """
@@ -106,10 +102,6 @@ class Side(NamedTuple):
 
     Parameters
     ----------
-    view
-        The part along the direction.
-    outline
-        Its silhouette.
     low, high
         Corners of its rectangle across the direction.
     """
@@ -130,8 +122,6 @@ class Block:
         Largest of the requested radii with a blocked disc.
     points
         Blocked points across the direction, the centre of the disc first.
-    width_mm
-        Diameter of the largest disc found.
     """
 
     radius_mm: float
@@ -157,7 +147,7 @@ class PairLattice:
         # True if any ray of a lattice is blocked by the smallest disc, by sign and side.
         self._hopes: dict[tuple[int, int], bool] = {}
 
-    def block(self, sign: int, radii_mm: tuple[float, ...]) -> Block | None:
+    def find_block(self, sign: int, radii_mm: tuple[float, ...]) -> Block | None:
         """Return the disc that blocks the first part along the direction or against it, or None.
 
         Parameters
@@ -206,12 +196,12 @@ class PairLattice:
         return self._hopes[key]
 
     def _trace_heights(self, points: Floats) -> tuple[Heights, Heights]:
-        first = self._first.view.heights(points)
+        first = self._first.view.trace_heights(points)
         hit = np.isfinite(first.low)
         if hit.all():
-            return first, self._second.view.heights(points)
+            return first, self._second.view.trace_heights(points)
         # Rays that miss one part need no heights of the other.
-        some = self._second.view.heights(points[hit])
+        some = self._second.view.trace_heights(points[hit])
         return first, Heights(*(_scatter(value, hit) for value in _values(some)))
 
     def _search_lattice(self, sign: int, radius: float, side: int) -> Block | None:
@@ -295,8 +285,6 @@ def find_first_contact(
 
     Parameters
     ----------
-    mover, other
-        The parts.
     points
         Points across the direction, all blocked.
     frame
@@ -307,8 +295,8 @@ def find_first_contact(
     tuple
         Distance [mm], point of the other part, and point of the moving part.
     """
-    entries, _ = other.crossings(points)
-    _, exits = mover.crossings(points)
+    entries, _ = other.trace_crossings(points)
+    _, exits = mover.trace_crossings(points)
     with np.errstate(invalid="ignore"):
         gaps = entries[:, :, None] - exits[:, None, :]
     gaps = np.where(np.isfinite(gaps) & (gaps > -_ABOVE_MM), np.maximum(gaps, 0.0), np.inf)

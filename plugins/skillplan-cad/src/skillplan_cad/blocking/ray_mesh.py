@@ -54,15 +54,8 @@ def _open_embree_device() -> Any:
 class RayMesh:
     """A part as a ray-traced mesh.
 
-    Parameters
-    ----------
-    middle_m
-        New origin.
-
     Attributes
     ----------
-    points_mm, triangles, normals
-        The mesh.
     reach_mm
         Radius of a sphere around the origin that contains the part.
     """
@@ -86,12 +79,12 @@ class RayMesh:
         )
         self.reach_mm = float(np.linalg.norm(self.points_mm, axis=1).max()) + 1.0
 
-    def meets(self, origins: Floats, directions: Floats) -> tuple[NDArray[np.int64], Floats]:
+    def trace(self, origins: Floats, directions: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Return the first triangle hit by each ray, and its distance.
 
         Rays that miss have triangle -1 and infinite distance.
         """
-        hit = self.first_hits(origins, directions)
+        hit = self.find_first_hits(origins, directions)
         distance = np.full(len(hit), np.inf)
         struck = np.flatnonzero(hit >= 0)
         normals = self.normals[hit[struck]]
@@ -100,7 +93,7 @@ class RayMesh:
         distance[struck] = offset / np.where(np.abs(facing) > 1e-12, facing, 1.0)
         return hit, distance
 
-    def first_hits(self, origins: NDArray[Any], directions: NDArray[Any]) -> NDArray[np.int64]:
+    def find_first_hits(self, origins: NDArray[Any], directions: NDArray[Any]) -> NDArray[np.int64]:
         """Return the first triangle hit by each ray; -1 for a miss."""
         if not len(origins):
             return np.zeros(0, dtype=np.int64)
@@ -121,10 +114,6 @@ class RayView:
 
     Attributes
     ----------
-    flat
-        Vertices projected along the direction.
-    bottom, top
-        Extent along the direction.
     facing
         Cosine between each triangle's normal and the direction, -1 to 1.
     """
@@ -147,7 +136,7 @@ class RayView:
         self._low, self._high = np.append(low, np.nan), np.append(high, np.nan)
         self._slope = np.append(np.abs(self.facing), 0.0)
 
-    def heights(self, flat: Floats) -> Heights:
+    def trace_heights(self, flat: Floats) -> Heights:
         """Return the heights of first entry and last exit of rays through points (n, 2)."""
         count, reach = len(flat), self._mesh.reach_mm
         base = flat @ self._frame[:2]
@@ -156,11 +145,11 @@ class RayView:
         origins[count:] = base + reach * self._frame[2]
         directions = np.empty((2 * count, 3), dtype=np.float32)
         directions[:count], directions[count:] = self._frame[2], -self._frame[2]
-        hit = self._mesh.first_hits(origins, directions)
+        hit = self._mesh.find_first_hits(origins, directions)
         height, slope = self._evaluate_hits(hit, np.concatenate([flat, flat]))
         return Heights(height[:count], height[count:], slope[:count], slope[count:])
 
-    def crossings(self, flat: Floats) -> tuple[Floats, Floats]:
+    def trace_crossings(self, flat: Floats) -> tuple[Floats, Floats]:
         """Return the heights of all entries and exits of each ray, padded with infinity."""
         base = flat @ self._frame[:2]
         at = np.full(len(base), -self._mesh.reach_mm)
@@ -170,7 +159,7 @@ class RayView:
         directions = np.repeat(self._frame[2][None], len(base), axis=0)
         for _ in range(_MOST_HITS):
             origins = base[live] + at[live, None] * self._frame[2]
-            hit = self._mesh.first_hits(origins, directions[live])
+            hit = self._mesh.find_first_hits(origins, directions[live])
             live, hit = live[hit >= 0], hit[hit >= 0]
             if not len(live):
                 break

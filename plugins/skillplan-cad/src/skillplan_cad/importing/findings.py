@@ -73,7 +73,7 @@ class Confirmation:
         self._inset_m = tolerance_m / 2
         self._trees: dict[str, MeshTree] = {}
 
-    def doubts(
+    def find_doubts(
         self,
         entries: Iterable[Blocking],
         touching: Iterable[tuple[str, str]],
@@ -267,8 +267,6 @@ class KeptStages:
     ----------
     keep
         True to read and write the cache.
-    tell
-        Called with each line of progress.
     """
 
     def __init__(self, keep: bool, tell: Callable[[str], None]) -> None:
@@ -322,15 +320,7 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """Results of all stages before planning.
-
-    Parameters
-    ----------
-    stages
-        Cache of the stages.
-    read_hash
-        Hash of the product.
-    """
+    """Results of all stages before planning."""
 
     product: Product
     joints: Joints
@@ -387,7 +377,9 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
         "confirming",
         {**about, "blocked": blocked_hash, "touching": touching},
         lambda: serialize_doubts(
-            Confirmation(product, tolerance_m).doubts(blocked.entries, touching, joints.directions)
+            Confirmation(product, tolerance_m).find_doubts(
+                blocked.entries, touching, joints.directions
+            )
         ),
     )
     relation = assemble_relation(product, joints, blocked, tolerance_m, settings.threads)

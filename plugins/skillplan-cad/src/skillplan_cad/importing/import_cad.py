@@ -157,10 +157,6 @@ class Imported:
     ----------
     document
         Fields of `report.json`, without its schema.
-    lines
-        Findings in words.
-    warnings
-        Warnings in words.
     complete
         True if the searched moves assemble all parts.
     """
@@ -180,12 +176,8 @@ def import_cad(
     ----------
     source
         STEP file, or folder of meshes.
-    out
-        New or empty folder.
     given
         Options by name; None for the default.
-    tell
-        Called with each line of progress.
     draw
         Draws `exploded.png`; None for no picture.
 

@@ -56,7 +56,7 @@ def build_plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -
                     ],
                     "absent": [relation.names[part] for part in list_members(alternative.blockers)],
                 }
-                for alternative in plan.precedence.minimal(number)
+                for alternative in plan.precedence.list_minimal(number)
             ]
             for number, name in enumerate(relation.names)
         },
@@ -238,16 +238,12 @@ class Planned:
 
     Parameters
     ----------
-    relation
-        Relation with sub-assemblies and stuck parts.
     complete
         True if all parts are assembled.
     document
         Fields of `report.json` about the plan.
     files
         Contents of `product.yaml` and the meshes; empty if parts are stuck.
-    lines, warnings
-        Messages for people.
     """
 
     relation: Relation

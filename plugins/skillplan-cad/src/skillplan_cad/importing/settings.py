@@ -31,18 +31,12 @@ class ImportSettings:
         Axis of the file that points up; ``auto`` for z, or the axis that supports more parts.
     base
         Part that the others are put on; None to choose one.
-    robot
-        Arm of the written task.
-    directions
-        Source of the directions.
     threads
         Treatment of threads: screws turn out, block as drawn, or never block.
     split_bodies
         True to make each body a part.
     density_kg_m3
         Density of all parts, 1 to 30,000.
-    jobs
-        Number of processes.
     keep
         True to cache stages on disk.
     """

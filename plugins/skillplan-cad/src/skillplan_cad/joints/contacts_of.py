@@ -27,7 +27,7 @@ class Overlaps:
         self._product = product
         self._solids: dict[int, Any] = {}
 
-    def between(self, first: int, second: int) -> tuple[float, float, Floats] | None:
+    def intersect(self, first: int, second: int) -> tuple[float, float, Floats] | None:
         """Return volume [mm3], surface [mm2] and centre [mm] of the parts' overlap, or None."""
         solid, other = self._build_solid(first), self._build_solid(second)
         if solid is None or other is None:
@@ -78,12 +78,8 @@ class Touch:
 
     Parameters
     ----------
-    area_mm2
-        Area in contact.
     normals
         Distinct outward normals of the first part, the largest area first.
-    points_mm
-        Points spread over the area.
     flat_share
         Share of the area that is flat on both parts, 0 to 1.
     """
@@ -99,10 +95,6 @@ class TouchTest:
 
     Parameters
     ----------
-    meshes
-        Ray meshes of the parts.
-    middle_m
-        Origin of these meshes.
     reach_m
         Largest distance between touching surfaces [m].
     """
@@ -116,7 +108,7 @@ class TouchTest:
         self._low = np.stack([mesh.points_mm.min(axis=0) for mesh in meshes]) - self._reach_mm
         self._high = np.stack([mesh.points_mm.max(axis=0) for mesh in meshes]) + self._reach_mm
 
-    def near(self) -> list[tuple[int, int]]:
+    def list_near_pairs(self) -> list[tuple[int, int]]:
         """Return the pairs whose bounding boxes meet."""
         count = len(self._meshes)
         return [
@@ -127,7 +119,7 @@ class TouchTest:
             and (self._low[second] <= self._high[first]).all()
         ]
 
-    def touch(self, first: int, second: int) -> Touch | None:
+    def find_touch(self, first: int, second: int) -> Touch | None:
         """Return the contact area of two parts, or None; sampled on both for small parts."""
         there = self._sample_onto(first, second)
         back = self._sample_onto(second, first)
@@ -145,7 +137,7 @@ class TouchTest:
             samples.points_mm <= self._high[second]
         ).all(axis=1)
         points, normals = samples.points_mm[inside], samples.normals[inside]
-        hit, distance = self._meshes[second].meets(points - self._reach_mm * normals, normals)
+        hit, distance = self._meshes[second].trace(points - self._reach_mm * normals, normals)
         good = (hit >= 0) & (distance <= 2 * self._reach_mm)
         good[good] &= (
             np.einsum("ij,ij->i", self._meshes[second].normals[hit[good]], normals[good]) < _FACING
@@ -219,10 +211,6 @@ def find_contacts(
 
     Parameters
     ----------
-    test
-        Ray test of the product.
-    fits
-        Cylinders in holes.
     tolerance_m
         Largest distance between touching surfaces [m].
     """
@@ -232,9 +220,9 @@ def find_contacts(
     for fit in fits:
         by_pair[min(fit.inner, fit.outer), max(fit.inner, fit.outer)].append(fit)
     contacts = []
-    for first, second in touching.near():
-        touch = touching.touch(first, second)
-        shared = overlaps.between(first, second)
+    for first, second in touching.list_near_pairs():
+        touch = touching.find_touch(first, second)
+        shared = overlaps.intersect(first, second)
         inside = [
             fit
             for fit in by_pair.get((first, second), ())

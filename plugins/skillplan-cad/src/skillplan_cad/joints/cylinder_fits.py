@@ -21,8 +21,6 @@ class CylinderFit:
     ----------
     inner, outer
         Numbers of the parts with the cylinder and with the hole.
-    shaft, hole
-        The faces.
     shared_m
         Interval of the shaft's axis covered by both, from the shaft's origin.
     """

@@ -33,8 +33,6 @@ def choose_directions(
         ``axes``: axes of the file; ``cylinders``: also axes of fasteners and of cylinders in holes,
         with a frame about the first; ``contacts``: also normals of flat contacts and edges between
         two of them, along which a part slides on both.
-    fits, fasteners, contacts
-        Joints of the product.
     """
     lines: list[Floats] = list(np.eye(3))
     if source != "axes":

@@ -58,10 +58,6 @@ def find_fasteners(
 
     Parameters
     ----------
-    fits
-        Cylinders in holes.
-    contacts
-        Contacts of the product.
     tolerance_m
         Largest clearance of a hole that still grips [m].
     """

@@ -28,8 +28,6 @@ class TurnedShape:
         Extent along the axis, from the origin.
     shank
         Longest outer cylinder about the axis; the longest hole if there is none.
-    head_radius_m
-        Largest radius at the wide end.
     shank_length_m
         Length from the narrow end to the head.
     bore

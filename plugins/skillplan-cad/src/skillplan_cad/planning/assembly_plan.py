@@ -44,8 +44,6 @@ class Lock:
 
     Parameters
     ----------
-    parts
-        The set, as bits.
     rounds
         For each direction a closed walk through the set in which each part is blocked by the next,
         so a move of any part moves all.
@@ -84,20 +82,18 @@ def find_groups(relation: Relation, precedence: Precedence, fixed: int = 0) -> G
 
     Parameters
     ----------
-    relation
-        Blocking relation.
     precedence
         Alternatives of the relation, including those by paths.
     fixed
         The base, which never moves, as a bit.
     """
-    core = precedence.core(fixed=fixed)
+    core = precedence.find_core(fixed=fixed)
     blocked = _collect_blockers(relation, precedence)
     splits: list[Split] = []
     locks: list[Lock] = []
     waiting = [core]
     while waiting:
-        parts = precedence.core(waiting.pop(), fixed)
+        parts = precedence.find_core(waiting.pop(), fixed)
         if not parts & (parts - 1):
             continue
         split = _find_smallest_split(parts, blocked, fixed)
@@ -268,8 +264,6 @@ class Stuck:
 
     Parameters
     ----------
-    part
-        Name of the part.
     among
         Names of the parts that were present.
     search
@@ -293,12 +287,8 @@ class AssemblyPlan:
         Steps in order of assembly; a sub-assembly's own steps come first.
     subassemblies
         Sets of parts that are assembled separately, each with its base first.
-    stuck
-        Parts that no searched motion frees.
     locks
         Sets without a straight move, with proof.
-    precedence
-        All alternatives, including paths.
     cost
         Cost of the order [-].
     cheapest
@@ -349,8 +339,6 @@ class Planner:
     ----------
     tolerance_m
         Distance by which meshes are shrunk for path searches [m].
-    budget
-        Iteration limit of each path search.
     """
 
     def __init__(
@@ -414,7 +402,7 @@ class Planner:
         touched = np.array([touched_parts.bit_count() for touched_parts in self._touches]) / others
         names = self._relation.names
         order = sorted(range(len(masses)), key=lambda n: (-(shares[n] + touched[n]), n))
-        free = [n for n in order if precedence.core(fixed=1 << n) == 1 << n]
+        free = [n for n in order if precedence.find_core(fixed=1 << n) == 1 << n]
         best = next((n for n in free if names[n] in grounded), (free or order)[0])
         why = (
             f"It has {shares[best]:.0%} of the mass and touches "

@@ -60,8 +60,6 @@ class FreePath:
     ----------
     moves
         Moves from the place in the product to the outside; empty unless the outcome is free.
-    iterations
-        Number of iterations.
     turned
         True if turns were searched.
     in_the_way
@@ -86,8 +84,6 @@ def find_free_path(
 
     Parameters
     ----------
-    moving
-        Parts that move.
     standing
         Parts that stay, except mates of a moving thread.
     tolerance_m
@@ -172,7 +168,7 @@ class _Space:
         key = (axis, angle_rad)
         if key not in self._boxes:
             matrix, by = self.turn(axis, angle_rad)
-            low, high = self.surroundings.box_of(matrix)
+            low, high = self.surroundings.compute_box(matrix)
             self._boxes[key] = (low + by, high + by)
         return self._boxes[key]
 
@@ -184,7 +180,7 @@ class _Space:
             self._radii[axis] = float(np.linalg.norm(across, axis=1).max())
         return self._radii[axis]
 
-    def meets_between(
+    def find_obstacle_between(
         self, axis: Axis | None, angles: tuple[float, float], ends: tuple[Array, Array], step: float
     ) -> Met | None:
         """Return the first obstacle between two placements, without the first of them."""
@@ -198,7 +194,9 @@ class _Space:
             matrix, by = (
                 self.turn(axis, angle) if angles[0] == angles[1] else _compute_turn(axis, angle)
             )
-            met = self.surroundings.meets(matrix, by + ends[0] + share * (ends[1] - ends[0]))
+            met = self.surroundings.find_obstacle(
+                matrix, by + ends[0] + share * (ends[1] - ends[0])
+            )
             if met is not None:
                 return met
         return None
@@ -222,7 +220,7 @@ class _Search:
             return None, 0.0
         return self.axes[node.axis], node.turn * 2 * np.pi / _TURN_STEPS
 
-    def neighbours(self, node: _Node) -> Iterator[tuple[_Node, float]]:
+    def list_neighbours(self, node: _Node) -> Iterator[tuple[_Node, float]]:
         """Yield the nodes one move away, with their distance."""
         here = (node.x, node.y, node.z)
         for axis in range(3):
@@ -240,12 +238,12 @@ class _Search:
                 wrapped = (turn + half) % _TURN_STEPS - half
                 yield _Node(*here, number if wrapped else 0, wrapped), length
 
-    def blocked(self, node: _Node, there: _Node) -> Met | None:
+    def find_obstacle(self, node: _Node, there: _Node) -> Met | None:
         """Return the obstacle on a move, or None."""
         if there not in self._meets:
             matrix, by = self.space.turn(*self.pose(there))
             offset = by + self.space.offset(there)
-            self._meets[there] = self.space.surroundings.meets(matrix, offset)
+            self._meets[there] = self.space.surroundings.find_obstacle(matrix, offset)
         met = self._meets[there]
         if met is None:
             met = self._check_between(node, there, _COARSE_STEP * self.space.fine_m)
@@ -254,7 +252,7 @@ class _Search:
     def _check_between(self, node: _Node, there: _Node, step: float) -> Met | None:
         axis, angles = self._find_turn(node, there)
         ends = (self.space.offset(node), self.space.offset(there))
-        return self.space.meets_between(axis, angles, ends, step)
+        return self.space.find_obstacle_between(axis, angles, ends, step)
 
     def _find_turn(self, node: _Node, there: _Node) -> tuple[Axis | None, tuple[float, float]]:
         """Return the rotation axis of a move, and its first and last angle."""
@@ -263,7 +261,7 @@ class _Search:
             after += 2 * np.pi if after < before else -2 * np.pi
         return first or second, (before, after)
 
-    def bend_m(self, node: _Node, there: _Node) -> float:
+    def compute_bend_m(self, node: _Node, there: _Node) -> float:
         """Return the extra cost of a change of direction; paths with few moves are easier."""
         before = self.came.get(node)
         if before is None:
@@ -280,7 +278,7 @@ class _Search:
         offset = self.space.offset(node)
         return self.space.surroundings.is_out(low + offset, high + offset)
 
-    def left_m(self, node: _Node) -> float:
+    def bound_left_m(self, node: _Node) -> float:
         """Return a lower bound on the remaining distance to the outside."""
         low, high = self.space.box(*self.pose(node))
         offset = self.space.offset(node)
@@ -290,7 +288,7 @@ class _Search:
         )
         return max(0.0, float(distances.min()))
 
-    def moves(self, node: _Node) -> tuple[Move, ...] | None:
+    def build_moves(self, node: _Node) -> tuple[Move, ...] | None:
         """Return the path to a node, or None if it collides in small steps."""
         path = [node]
         while path[-1] in self.came:
@@ -327,7 +325,7 @@ def _search(space: _Space, axes: tuple[Axis, ...], budget: int) -> FreePath:
     """Run A* within an iteration budget."""
     search, start = _Search(space, axes), space.start()
     costs = {start: 0.0}
-    heap = [(search.left_m(start), 0.0, start)]
+    heap = [(search.bound_left_m(start), 0.0, start)]
     done: set[_Node] = set()
     iterations = 0
     doubtful = False
@@ -337,7 +335,7 @@ def _search(space: _Space, axes: tuple[Axis, ...], budget: int) -> FreePath:
             continue
         done.add(node)
         if search.is_out(node):
-            moves = search.moves(node)
+            moves = search.build_moves(node)
             if moves is not None:
                 return FreePath("free", moves, iterations, bool(axes), tuple(search.met.values()))
             doubtful = True
@@ -345,19 +343,19 @@ def _search(space: _Space, axes: tuple[Axis, ...], budget: int) -> FreePath:
         if iterations >= budget:
             return FreePath("budget spent", (), iterations, bool(axes), _met(search))
         iterations += 1
-        for there, length in search.neighbours(node):
+        for there, length in search.list_neighbours(node):
             if there in done or cost + length >= costs.get(there, np.inf):
                 continue
-            met = search.blocked(node, there)
+            met = search.find_obstacle(node, there)
             if met is not None:
                 search.met.setdefault(met.part, met)
                 continue
-            spent = cost + length + search.bend_m(node, there)
+            spent = cost + length + search.compute_bend_m(node, there)
             if spent >= costs.get(there, np.inf):
                 continue
             costs[there] = spent
             search.came[there] = node
-            heapq.heappush(heap, (spent + search.left_m(there), spent, there))
+            heapq.heappush(heap, (spent + search.bound_left_m(there), spent, there))
     # A path that fails in small steps proves nothing either way.
     outcome: Outcome = "budget spent" if doubtful else "closed"
     return FreePath(outcome, (), iterations, bool(axes), _met(search))

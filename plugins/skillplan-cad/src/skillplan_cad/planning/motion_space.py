@@ -39,15 +39,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Met:
-    """A part that is hit on a motion.
-
-    Parameters
-    ----------
-    part
-        Name.
-    point_m
-        Point of the collision.
-    """
+    """A part that is hit on a motion."""
 
     part: str
     point_m: Vector
@@ -90,12 +82,12 @@ class Surroundings:
         """Highest corner of the bounding box of the standing parts."""
         return np.asarray(self._highs.max(axis=0))
 
-    def box_of(self, matrix: Array) -> tuple[Array, Array]:
+    def compute_box(self, matrix: Array) -> tuple[Array, Array]:
         """Return the bounding box of the moving parts, rotated about the origin."""
         points = self._points @ matrix.T
         return points.min(axis=0), points.max(axis=0)
 
-    def meets(self, matrix: Array, offset_m: Array) -> Met | None:
+    def find_obstacle(self, matrix: Array, offset_m: Array) -> Met | None:
         """Return the first obstacle of a placement, or None."""
         at = coal.Transform3s(matrix, offset_m)
         for mover in self.moving:

@@ -52,7 +52,7 @@ class Precedence:
         """The set of all parts."""
         return (1 << len(self.names)) - 1
 
-    def minimal(self, part: int) -> tuple[Alternative, ...]:
+    def list_minimal(self, part: int) -> tuple[Alternative, ...]:
         """Return the alternatives whose blockers include no other alternative's blockers."""
         mine = self.alternatives[part]
         return tuple(
@@ -65,7 +65,7 @@ class Precedence:
             )
         )
 
-    def free_directions(self, part: int, present: int) -> tuple[int, ...]:
+    def list_free_directions(self, part: int, present: int) -> tuple[int, ...]:
         """Return the directions in which a part can leave a set of parts, ascending."""
         others = present & ~(1 << part)
         directions = [
@@ -81,7 +81,7 @@ class Precedence:
         others = present & ~(1 << part)
         return any(not alternative.blockers & others for alternative in self.alternatives[part])
 
-    def core(self, present: int | None = None, fixed: int = 0) -> int:
+    def find_core(self, present: int | None = None, fixed: int = 0) -> int:
         """Return the parts that remain after all others have left one at a time.
 
         The order does not matter: a free part stays free while others leave.
@@ -90,8 +90,6 @@ class Precedence:
         ----------
         present
             The parts to start from; None for all.
-        fixed
-            Parts that never leave.
         """
         left = self.everything if present is None else present
         progress = True
@@ -112,14 +110,12 @@ class Precedence:
             The part that leaves along the path.
         number
             Number of the path, above the numbers of all directions.
-        blockers
-            Parts that must be absent.
         """
         mine = (*self.alternatives[part], Alternative((number,), blockers))
         others = self.alternatives[:part], self.alternatives[part + 1 :]
         return Precedence(self.names, (*others[0], mine, *others[1]))
 
-    def orders(self, may_stand: Callable[[int], bool] | None = None) -> int:
+    def count_orders(self, may_stand: Callable[[int], bool] | None = None) -> int:
         """Return the exact number of orders in which parts can be added one at a time.
 
         Parameters
@@ -146,8 +142,6 @@ def derive_precedence(
 
     Parameters
     ----------
-    relation
-        Blocking relation.
     waived
         Pairs (part, by) that never block each other because a path passes.
     """

@@ -34,14 +34,10 @@ class Fault:
     ----------
     step
         Number of the step in order of assembly, from 0.
-    part, by
-        Moving part and obstacle.
     offset_m
         Offset of the moving part from its place.
     thickness_m
         Thickness of the overlap: twice its volume divided by its surface.
-    point_m
-        Centre of the overlap.
     """
 
     step: int
@@ -58,8 +54,6 @@ class Replay:
 
     Parameters
     ----------
-    samples
-        Number of tested placements.
     faults
         First fault of each pair in each step.
     not_solid

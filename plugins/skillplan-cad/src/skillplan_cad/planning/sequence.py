@@ -41,14 +41,10 @@ class Removal:
 
     Parameters
     ----------
-    part
-        Number of the removed part.
     direction
         Number of the direction, or of a path; paths are numbered after directions.
     up
         Vector that points up during the step, in the product's frame.
-    tool
-        Name of the tool.
     turn
         True if the product is turned over before the step.
     stays
@@ -171,14 +167,10 @@ class Sequencer:
 
         Parameters
         ----------
-        present
-            The set to start from.
-        base
-            The part that stays.
         up
             Vector that points up in the finished product.
         """
-        left = self._precedence.core(present, fixed=1 << base)
+        left = self._precedence.find_core(present, fixed=1 << base)
         self._ups, self._views = sorted({up, *self._directions}), {}
         layer = [_Path(0.0, present, self._ups.index(up))]
         width, cheapest = _choose_width(present.bit_count()), True
@@ -230,7 +222,7 @@ class Sequencer:
     def _free_directions(self, part: int, present: int) -> tuple[int, ...]:
         key = (part, present & self._blockers[part])
         if key not in self._free:
-            self._free[key] = self._precedence.free_directions(part, present)
+            self._free[key] = self._precedence.list_free_directions(part, present)
         return self._free[key]
 
     def _get_view(self, up: int) -> _View:

@@ -68,8 +68,6 @@ class MeshTree:
 
     Parameters
     ----------
-    name
-        Name of the part.
     vertices_m, triangles
         Mesh in the product's frame.
     """

@@ -85,15 +85,7 @@ _HELD_SHARE = 0.02  # share of the weight below which help is ignored
 
 
 class Stability:
-    """Decides which parts are stable, for any set of present parts.
-
-    Parameters
-    ----------
-    product
-        Parts with masses.
-    relation
-        Contacts and fasteners.
-    """
+    """Decides which parts are stable, for any set of present parts."""
 
     def __init__(self, product: Product, relation: Relation) -> None:
         self._masses = np.array([part.mass_kg for part in product])

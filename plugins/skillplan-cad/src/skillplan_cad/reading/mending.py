@@ -30,12 +30,8 @@ class Mended:
         Part with merged vertices and outward triangles.
     open_edges
         Number of edges without a triangle on one side; 0 if the mesh is closed.
-    gap_point_m
-        Centre of the first open edge.
     bodies
         Body number of each triangle; cavities belong to their body.
-    notes
-        Repairs, one sentence each.
     """
 
     part: RawPart

@@ -26,8 +26,6 @@ def read_folder(folder: Path, unit: str | None) -> RawProduct:
     ----------
     folder
         Folder; files with other suffixes are ignored.
-    unit
-        Unit of the files.
 
     Raises
     ------

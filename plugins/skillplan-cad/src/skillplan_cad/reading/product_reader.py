@@ -34,8 +34,6 @@ def find_shapes(
 
     Parameters
     ----------
-    parts
-        Parts with closed meshes.
     chord_m
         Largest distance between meshes of the same shape, in chords [m].
     """
@@ -177,8 +175,6 @@ class ReadOptions:
         Greatest distance of triangles from curved faces of STEP [m].
     split_bodies
         True to make each body a part.
-    density_kg_m3
-        Density of all parts.
     """
 
     unit: str | None = None

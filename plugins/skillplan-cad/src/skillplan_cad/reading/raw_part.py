@@ -45,12 +45,8 @@ class RawProduct:
 
     Parameters
     ----------
-    name
-        Name of the product.
     parts
         Parts in the order of the file.
-    unit
-        Unit of the file.
     chord_m
         Greatest distance of triangles from the true surface; 0 if unknown.
     notes

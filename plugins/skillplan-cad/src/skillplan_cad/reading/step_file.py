@@ -51,10 +51,6 @@ def tessellate(path: Path, content: bytes, chord_m: float) -> bytes:
 
     Parameters
     ----------
-    path
-        Path for messages.
-    content
-        Unpacked content.
     chord_m
         Greatest distance of triangles from curved faces [m].
 
@@ -75,8 +71,6 @@ def read_in_process(path: Path, prepare: Prepare, content: Any, limits: Limits) 
 
     Parameters
     ----------
-    path
-        Path for messages.
     prepare
         Called in the process with `content`; returns the job. Must be importable.
     content

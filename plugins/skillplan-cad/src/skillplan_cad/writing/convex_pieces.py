@@ -47,17 +47,7 @@ _ROUND = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hollow:
-    """A round hollow of a solid.
-
-    Parameters
-    ----------
-    point_m
-        A point of its axis.
-    axis
-        Unit vector.
-    radius_m
-        Radius of its cylindrical wall.
-    """
+    """A round hollow of a solid."""
 
     point_m: Floats
     axis: Floats
@@ -75,8 +65,6 @@ def decompose_convex(
 
     Parameters
     ----------
-    vertices_m, triangles
-        Closed mesh.
     allowed_m
         Allowed excess of a piece; a gap between faces counts with its width [m].
     hollows

@@ -48,8 +48,6 @@ class ProvedPieces:
         Pieces of each mesh by part name, in the frame of the given meshes.
     cut_back
         Names of parts whose first pieces blocked a free direction.
-    differences
-        Wrong blockings that remain.
     """
 
     pieces: Mapping[str, tuple[Pieces, ...]]
@@ -88,8 +86,6 @@ def prove_pieces(
         True meshes, and their blockings.
     meshes
         Meshes by part name, upright, relative to the centre of the part's bottom.
-    upright
-        Pose of the product.
     """
     cutter = _Cutter(upright)
     pieces_of = {
@@ -186,7 +182,7 @@ def _find_differences(
     for number in range(0, len(relation.directions), 2):
         # A blocking of one part is a blocking of the other in the opposite direction.
         tested = ~(matrix[number] & matrix[number + 1].T) & ~waived
-        for first, second in test.blocked_along(relation.directions[number], tested):
+        for first, second in test.find_blocked_pairs(relation.directions[number], tested):
             pairs = ((first, second, number), (second, first, number + 1))
             differences += [
                 Difference(names[a], names[b], way) for a, b, way in pairs if not matrix[way, a, b]

@@ -331,8 +331,6 @@ class Places:
 
     Parameters
     ----------
-    upright
-        Pose of the product.
     tray
         Places of parts and feeders, by their task names.
     feeders
@@ -526,8 +524,6 @@ class WrittenTask:
         Parts outside the task, each with a reason.
     faults
         Reasons why `check` refuses the task that leaving parts out does not fix.
-    upright
-        Pose of the product.
     pieces
         Convex pieces by product name, with the pairs that they block wrongly.
     """
@@ -770,7 +766,7 @@ class _Writer:
         ways = [list(self.upright.vector(step.along))]
         directions = self.relation.directions
         number = self.product.index(part.name)
-        for alternative in self.plan.precedence.minimal(number):
+        for alternative in self.plan.precedence.list_minimal(number):
             vectors = [
                 self.upright.vector((-x, -y, -z))
                 for direction in alternative.directions

@@ -132,8 +132,6 @@ def find_suction_spot(
 
     Parameters
     ----------
-    vertices_m, triangles
-        The upright part.
     centre_m
         Point to stay close to, x y [m].
     """
@@ -190,8 +188,6 @@ class Held:
     ----------
     entry
         Keys ``tool`` and ``grasp`` of its entry in a task file.
-    meshes
-        Meshes to write.
     limits
         Limits of one arm, as clauses that follow the part's name.
     """
@@ -292,8 +288,6 @@ def place_upright(parts: Iterable[Part], up: Vector, place_m: tuple[float, float
 
     Parameters
     ----------
-    parts
-        The parts that stand.
     up
         Vector that points up, in the product's frame.
     place_m
