@@ -96,6 +96,16 @@ def test_an_extended_training_is_the_one_that_was_asked_for_in_whole(tmp_path, s
     assert checkpoints(whole) == checkpoints(grown)
 
 
+def wait_for_end_of_group(group):
+    """Wait until the killed processes have released the folder, at most five seconds."""
+    for _ in range(100):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+
+
 @pytest.mark.parametrize(
     ("runs", "steps", "kills"),
     [
@@ -132,6 +142,7 @@ def test_sigkill_at_random_instants_changes_nothing(tmp_path, runs, steps, kills
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+            wait_for_end_of_group(process.pid)
     # The machine may be so fast that the last ones found it done.
     assert done >= kills // 2 + 1
     assert train(cut, runs, steps, "--resume") == code
