@@ -11,7 +11,7 @@ import sys
 
 import lazy_loader as _lazy
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
 
