@@ -209,7 +209,7 @@ def test_faults_of_a_bench_are_told_at_once_in_the_order_of_the_file(faults_of):
         "x 0 to 2.38 m, y 0 to 1.76669182 m; move it onto the bench.",
         "3:46: trajectory.vertices_m[2]: two consecutive points are the same, (1, 1) m, which "
         "makes a segment of zero length; leave one of them out.",
-        "4:14: base.home: there is no position 'C79' on a bench of 6 x 13, which has C1 to C78. "
+        "4:14: base.home: position 'C79' is not on a bench of 6 x 13, which has C1 to C78. "
         "Did you mean 'C78'?",
         "4:25: base.side: an open trajectory has no inward side. Give left or right.",
         "5:23: pkm.sheet_height_m: must be above 0.5, the height of the machine's base, not 0.4.",

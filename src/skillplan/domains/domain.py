@@ -135,7 +135,7 @@ class Overview:
 
 
 class Domain(ABC):
-    """A kind of task file.
+    """A kind of task file, found by the entry point group ``skillplan.domain``.
 
     Attributes
     ----------

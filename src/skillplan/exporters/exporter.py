@@ -1,4 +1,7 @@
-"""Interface of exporters: a handover of a task or plan, identifiers, and the files of a format."""
+"""Interface of exporters: a handover of a task or plan, identifiers, and the files of a format.
+
+Exporters are found by the entry point group ``skillplan.exporter``.
+"""
 
 from __future__ import annotations
 

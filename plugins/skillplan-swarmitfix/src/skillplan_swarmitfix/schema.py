@@ -101,7 +101,7 @@ class BaseConfig(Strict):
     reach_m: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = Field(
         None,
         description="least and greatest horizontal distance of base and head that the arm "
-        "allows [m]; default: the limits of the legs, or 0.333 to 0.451 unless reach is required",
+        "allows [m]; left out: the limits of the legs, or 0.333 to 0.451 unless reach is required",
     )
     side: Literal["inward", "outward", "left", "right"] | None = Field(
         None,

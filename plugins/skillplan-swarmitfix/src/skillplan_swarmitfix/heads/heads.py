@@ -22,7 +22,7 @@ _SAME_RAD = 1e-9
 
 
 class HeadKind(StrEnum):
-    """Why a head is where it is."""
+    """Place of a head: at a vertex, or between two."""
 
     VERTEX = "vertex"
     INTERMEDIATE = "intermediate"
@@ -89,7 +89,7 @@ class Head:
     yaw_rad
         Direction from its centre to a corner, in [0, 2 pi / 3) [rad].
     kind
-        True for a head at a vertex.
+        Place of the head: at a vertex, or between two.
     segment
         Index of its segment; at a vertex the segment that starts there.
     distance_m
@@ -167,7 +167,7 @@ def even_heads(segment: Segment, subdivisions: int) -> tuple[Head, ...]:
     Parameters
     ----------
     segment
-        Workpiece to divide.
+        Segment to divide.
     subdivisions
         Number of parts, >= 1; there is one head fewer.
 

@@ -61,7 +61,7 @@ class DrawingConfig(Strict):
     unit: UnitName | None = Field(
         None,
         description="unit of the file's lengths: for a drawing instead of its own unit, for a "
-        "program until G20 or G21, for a table with the header x,y; default: the unit of the file "
+        "program until G20 or G21, for a table with the header x,y; left out: the unit of the file "
         "says, or else mm",
         exclude=True,
     )
@@ -86,7 +86,7 @@ class TrajectoryConfig(DrawingConfig):
         None,
         description="corners of a polygonal trajectory, [[x, y], ...] [m]; or one of path and file",
     )
-    start_m: Planar | None = Field(None, description="start of path, x y [m]; default: no path")
+    start_m: Planar | None = Field(None, description="start of path, x y [m]; left out: no path")
     path: Annotated[list[PathElementConfig], Field(min_length=1, max_length=10_000)] | None = Field(
         None, description="lines, arcs and splines from start_m on; instead of vertices_m"
     )
