@@ -15,7 +15,7 @@ from deep_learner_suite import resumed as resumed_for
 from example_count import examples
 from situations import make_skill, make_task, retry_task, two_places_task, two_roads_task
 from skillplan import load_problem
-from skillplan.env import Observation
+from skillplan.env import GOES_ON, OUT_OF_TIME, Observation
 from skillplan.errors import OptionError
 from skillplan.pipeline import make_model, solve
 from skillplan.records import Choice, Status
@@ -637,6 +637,27 @@ class TestOptions:
         assert stored | legacy == learner.Options.upgrade(stored)
         given = {"planning": True}
         assert given == learner.Options.upgrade(given)
+
+    def test_a_training_of_version_0_3_0_keeps_what_it_did(self):
+        options = DqnSolver.Options().model_dump()
+        added = {"loss", "limit_is_failure"}
+        for lacking in (added, added | {"replay", "clip_values"}):
+            stored = {name: value for name, value in options.items() if name not in lacking}
+            upgraded = DqnSolver.Options.upgrade(stored)
+            assert (upgraded["loss"], upgraded["limit_is_failure"]) == ("huber", False)
+            assert upgraded["clip_values"] == ("clip_values" in lacking)
+
+    @pytest.mark.parametrize("fails", [False, True])
+    def test_the_step_limit_is_a_failure_only_if_the_option_says_so(self, board, fails):
+        options = {"limit_is_failure": fails, "count_last_cost": False, "warm_up": 10_000}
+        training = begun(solver(epsilon=1.0, **options), [0], replace(board, step_limit=2))
+        late = [e for e in training.advance(STEPS) if e.end == "out-of-time"]
+        assert late
+        arrays = training.snapshot().arrays
+        stored = arrays["memory.end"][0, [episode.step - 1 for episode in late]]
+        assert set(stored) == {OUT_OF_TIME if fails else GOES_ON}
+        rewards = arrays["memory.reward"][0, [episode.step - 1 for episode in late]]
+        assert (rewards == 0.0).all() == fails
 
     def test_what_is_given_is_kept(self):
         given = {"steps": 100, "planning": True, "exploration": "count", "updates": 2.0}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import signal
@@ -13,12 +14,23 @@ from pathlib import Path
 import pytest
 
 from skillplan.cli import main
+from skillplan.errors import OptionError
 from skillplan.pipeline import Setup, load_problem
 from skillplan.training import Trainer, TrainingFolder, plan_training
 from thinned import release_case, slow_case
 from training_situations import BOARD, learned_bytes
 
 PATIENCE_S = 240
+# The paper's DQN as the page about learning writes it out.
+WRITTEN_OUT = (
+    "observation=paper mask=none complete=10 failure=10 steps_worth=0.411489 step_floor=1000000 "
+    "count_last_cost=false gamma=0.99 updates=1 epsilon=1 epsilon_end=0.05 explore_until=0.05 "
+    "learning_rate_end=0.001 width=64 layers=2 capacity=20000"
+)
+OWN_OPTIONS = {
+    "moller": "target_rate=0.005 warm_up=64 replay=distinct clip_values=true",
+    "moller-strict": "target_rate=0.0005 warm_up=1 loss=squared limit_is_failure=true",
+}
 
 
 def command(folder: Path, runs: int, steps: int) -> list[str]:
@@ -151,3 +163,53 @@ def test_sigkill_at_random_instants_changes_nothing(tmp_path, runs, steps, kills
     assert ours == theirs
     assert len(checkpoints(cut)) == 2
     assert checkpoints(cut) == checkpoints(whole)
+
+
+class TestPresets:
+    def plan(self, preset, solver="dqn", steps=None, **options):
+        setup = Setup(options={solver: options})
+        return plan_training(load_problem(BOARD), solver, setup, steps=steps, preset=preset)
+
+    @pytest.mark.parametrize("preset", OWN_OPTIONS)
+    def test_a_preset_equals_the_options_written_out(self, preset):
+        words = f"steps=20000 {WRITTEN_OUT} {OWN_OPTIONS[preset]}".split()
+        options = dict(word.split("=") for word in words)
+        assert self.plan(preset).options == self.plan(None, **options).options
+
+    def test_options_and_steps_override_it(self):
+        plan = self.plan("moller", steps=400, updates="2", replay="fifo")
+        assert plan.options == {
+            **self.plan("moller").options,
+            "steps": 400,
+            "updates": 2.0,
+            "replay": "fifo",
+        }
+
+    @pytest.mark.parametrize(
+        ("solver", "preset", "message"),
+        [
+            ("dqn", "mollr", "The solver 'dqn' has no preset 'mollr'. Did you mean 'moller'?"),
+            ("ppo", "moller", "The solver 'ppo' has no preset 'moller'. It has no presets."),
+        ],
+    )
+    def test_an_unknown_preset_is_refused(self, solver, preset, message):
+        with pytest.raises(OptionError) as refused:
+            self.plan(preset, solver)
+        assert str(refused.value) == message
+
+    def test_the_manifest_stores_the_options_so_that_resume_compares_them(self, tmp_path, capsys):
+        assert train(tmp_path / "a", 1, 100, "--preset", "moller-strict") == 1
+        manifest = json.loads((tmp_path / "a" / "manifest.json").read_text("utf-8"))
+        assert manifest["options"] == self.plan("moller-strict", steps=100).options
+        entries = f"{WRITTEN_OUT} {OWN_OPTIONS['moller-strict']}".split()
+        same = [word for entry in entries for word in ("-O", entry)]
+        assert train(tmp_path / "a", 1, 100, "--resume", *same) == 1
+        with pytest.raises(SystemExit) as refused:
+            main([*command(tmp_path / "a", 1, 100)[3:], "--resume", "--preset", "moller"])
+        assert refused.value.code == 2
+        assert "replay" in capsys.readouterr().err
+
+    def test_plugins_lists_presets(self, capsys):
+        with pytest.raises(SystemExit):
+            main(["plugins", "solver", "dqn"])
+        assert "--preset moller-strict" in capsys.readouterr().out

@@ -241,6 +241,7 @@ def plan_training(
     checkpoint_steps: int = 1_000,
     warm: bool = False,
     start: str | None = None,
+    preset: str | None = None,
 ) -> TrainingPlan:
     """Plan a training, and check that it can begin.
 
@@ -258,17 +259,19 @@ def plan_training(
         True to use verdicts stored on disk.
     start
         Folder of an earlier training to start from.
+    preset
+        Preset of the learner; options of the setup override it.
 
     Raises
     ------
     OptionError
-        If an option is wrong, the solver does not learn or refuses the task, the file has no
-        family, or the networks do not fit.
+        If an option or the preset is wrong, the solver does not learn or refuses the task, the
+        file has no family, or the networks do not fit.
     PluginError
         If a plugin is unknown or broken.
     """
     plugin = _load_learner(solver)
-    values = dict(setup.options.get(solver, {}))
+    values = {**_get_preset(plugin, preset), **setup.options.get(solver, {})}
     options = registry.make_options("solver", solver, plugin, values)
     if steps is not None:
         options = registry.make_options("solver", solver, plugin, {**values, "steps": steps})
@@ -317,6 +320,16 @@ def _load_learner(name: str) -> type[Learner]:
             f"The solver {name!r} trains no policies step by step. {_name_learners(known)}"
         )
     return plugin
+
+
+def _get_preset(learner: type[Learner], preset: str | None) -> Mapping[str, Any]:
+    """Return the options of a preset; none without one."""
+    if preset is None:
+        return {}
+    if preset not in learner.presets:
+        hint = name_hint(preset, learner.presets) if learner.presets else "It has no presets."
+        raise OptionError(f"The solver {learner.name!r} has no preset {preset!r}. {hint}")
+    return learner.presets[preset]
 
 
 def _name_learners(names: list[str]) -> str:

@@ -55,6 +55,8 @@ class NetworkOptions(LearnerOptions):
 
     # Values of options that a training of version 0.2 does not list; it lists all others.
     LEGACY: ClassVar[Mapping[str, Any]] = {}
+    # Values of options that a training of version 0.3.0 does not list, either.
+    NEW: ClassVar[Mapping[str, Any]] = {}
 
     width: Width = 256
     layers: Layers = 1
@@ -91,10 +93,12 @@ class NetworkOptions(LearnerOptions):
 
     @classmethod
     def upgrade(cls, stored: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options of a stored training, with version 0.2's behaviour if it is older."""
-        missing = cls.model_fields.keys() - stored.keys()
+        """Return the options of a stored training, with the behaviour of its version."""
+        missing = cls.model_fields.keys() - stored.keys() - cls.NEW.keys()
+        if not missing:
+            return {**cls.NEW, **stored}
         legacy = bool(cls.LEGACY) and missing == cls.LEGACY.keys()
-        return {**cls.LEGACY, **stored} if legacy else dict(stored)
+        return {**cls.NEW, **cls.LEGACY, **stored} if legacy else dict(stored)
 
 
 class NetworkLearner(Learner):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import typer
 
@@ -50,10 +51,10 @@ def command(
     infos = [info for kind_name in kinds for info in registry.describe(kind_name)]
     if not kind:
         infos += registry.describe_unreadable()
-    options = None
+    options, presets = None, dict[str, Mapping[str, Any]]()
     if kind and name:
         plugin = registry.load(kind, name)
         infos = [info for info in infos if info.name == name]
-        options = getattr(plugin, "Options", None)
-    emit(style, plugin_document(infos, options), tabulate_plugins(infos, options))
+        options, presets = getattr(plugin, "Options", None), getattr(plugin, "presets", {})
+    emit(style, plugin_document(infos, options), tabulate_plugins(infos, options, presets))
     return 0

@@ -129,6 +129,17 @@ def command(
             "network."
         ),
     ] = "dqn",
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            "--preset",
+            metavar="NAME",
+            help="Set the learner's options by a preset; -O and --steps override it. dqn: "
+            "moller-strict, the DQN of Moller et al. with skrl's defaults, or moller, a variant "
+            "nearer to their results. 'skillplan plugins solver NAME' lists presets.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None,
     seed: Seed = 0,
     workers: Workers,
     back_ends: BackEnds,
@@ -211,6 +222,7 @@ def command(
         checkpoint_steps=amount.checkpoint_steps,
         warm=not caching.no_cache,
         start=amount.start,
+        preset=preset,
     )
     session = TrainingSession(
         problem, plan, part, reading.settings(), workers.jobs, proof_time_limit_s, deadline, style

@@ -222,8 +222,15 @@ class LearnerOptions(BaseModel):
 
 
 class Learner(Solver):
-    """A solver that trains network policies."""
+    """A solver that trains network policies.
 
+    Attributes
+    ----------
+    presets
+        Options by the name of a preset; the docstring of the learner gives their source.
+    """
+
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     Options: ClassVar[type[BaseModel]] = LearnerOptions
     polls = True
     options: LearnerOptions

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import BaseModel
@@ -36,8 +37,12 @@ _BOUNDS = {
 }
 
 
-def tabulate_plugins(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
-    """Return the plugins and the options of a single one."""
+def tabulate_plugins(
+    infos: Sequence[PluginInfo],
+    options: type[BaseModel] | None,
+    presets: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+) -> list[Table]:
+    """Return the plugins, and the options and presets of a single one."""
     headings = ("kind", "name", "distribution", "version", "what it does")
     rows = [
         (
@@ -51,11 +56,13 @@ def tabulate_plugins(infos: Sequence[PluginInfo], options: type[BaseModel] | Non
     ]
     tables = [Table("installed plugins", [Column(heading) for heading in headings], rows)]
     if options is not None:
-        tables.append(_tabulate_options(infos[0].name, options))
+        tables.append(_tabulate_options(infos[0].name, options, presets))
     return tables
 
 
-def _tabulate_options(name: str, options: type[BaseModel]) -> Table:
+def _tabulate_options(
+    name: str, options: type[BaseModel], presets: Mapping[str, Mapping[str, Any]]
+) -> Table:
     properties = options.model_json_schema().get("properties", {})
     rows = [
         (
@@ -69,7 +76,14 @@ def _tabulate_options(name: str, options: type[BaseModel]) -> Table:
     ]
     headings = ("option", "type", "default", "range", "what it is [unit]")
     title = f"options of {name}" if rows else f"{name} has no options"
-    return Table(title, [Column(heading) for heading in headings], rows)
+    notes = [f"--preset {preset}  {_join(values)}" for preset, values in presets.items()]
+    return Table(title, [Column(heading) for heading in headings], rows, notes)
+
+
+def _join(values: Mapping[str, Any]) -> str:
+    """Return options in the syntax of ``-O``."""
+    texts = {key: v if isinstance(v, str) else json.dumps(v) for key, v in values.items()}
+    return ", ".join(f"{key}={text}" for key, text in texts.items())
 
 
 def _format_default(field: Mapping[str, Any]) -> str:

@@ -38,6 +38,7 @@ class DqnOptions(NetworkOptions):
     """Options of `dqn`."""
 
     LEGACY: ClassVar[Mapping[str, Any]] = {"replay": "distinct", "clip_values": True}
+    NEW: ClassVar[Mapping[str, Any]] = {"loss": "huber", "limit_is_failure": False}
 
     # Exploration
     epsilon: float = Field(
@@ -90,6 +91,13 @@ class DqnOptions(NetworkOptions):
         le=1.0,
         description="share by which an update moves the target network [-]",
     )
+    loss: Literal["huber", "squared"] = Field(
+        default="huber", description="loss of an update: huber or squared [-]"
+    )
+    limit_is_failure: bool = Field(
+        default=False,
+        description="count the step limit as a failure, without the next state's value [-]",
+    )
     # Additions
     clip_values: bool = Field(
         default=False,
@@ -116,10 +124,56 @@ class DqnOptions(NetworkOptions):
     )
 
 
+# Rewards of Moller et al., Table II: 10 and -10 for ends, no reward for the last distance. The step
+# rewards of the inverter board keep their scale with this `steps_worth`.
+_TABLE_II = {
+    "complete": 10.0,
+    "failure": 10.0,
+    "steps_worth": 0.411489,
+    "step_floor": 1e6,
+    "count_last_cost": False,
+}
+# Defaults of skrl's DQN, and networks of its examples: Moller et al. name skrl and print no
+# settings. Epsilon falls over 1,000 of 20,000 steps; the memory keeps all.
+_SKRL = {
+    "gamma": 0.99,
+    "updates": 1.0,
+    "target_rate": 0.005,
+    "epsilon": 1.0,
+    "epsilon_end": 0.05,
+    "explore_until": 0.05,
+    "learning_rate": 1e-3,
+    "learning_rate_end": 1e-3,
+    "batch": 64,
+    "warm_up": 64,
+    "width": 64,
+    "layers": 2,
+    "capacity": 20_000,
+}
+# Moller et al.: observation of Fig. 5, no mask, and the 20,000 steps of section 5.
+_MOLLER = {"steps": 20_000, "observation": "paper", "mask": "none", **_TABLE_II, **_SKRL}
+
+
 class DqnSolver(NetworkLearner):
-    """Learn action values by Double DQN; keep the best evaluated policy."""
+    """Learn action values by Double DQN; keep the best evaluated policy.
+
+    Presets for the inverter board: ``moller-strict`` has the observation (Fig. 5) and the rewards
+    (Table II, with -10 at the step limit) of Moller et al., and the defaults and the squared loss
+    of skrl's DQN. ``moller`` comes nearer to their Table III by a replay of distinct transitions.
+    """
 
     name = "dqn"
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "moller": {**_MOLLER, "replay": "distinct", "clip_values": True},
+        # skrl moves the target network at every tenth update.
+        "moller-strict": {
+            **_MOLLER,
+            "target_rate": 0.0005,
+            "warm_up": 1,
+            "loss": "squared",
+            "limit_is_failure": True,
+        },
+    }
 
     Options = DqnOptions
     options: DqnOptions
@@ -262,6 +316,8 @@ class DqnTraining(NetworkTraining):
         after = self._counts.indices(infos["final_obs"], allowing(infos["final_mask"]))
         floor = -self._options.step_floor * self._scaling.typical
         scaled = np.maximum(self._scaling.of_steps(rewards, costs, ends), floor)
+        if self._options.limit_is_failure and not self._options.count_last_cost:
+            scaled = np.where(ends == OUT_OF_TIME, 0.0, scaled)
         self._counts.visits[np.arange(len(actions)), before, actions] += 1
         for run, end in enumerate(ends.tolist()):
             record, action = self._episodes[run], int(actions[run])
@@ -272,8 +328,9 @@ class DqnTraining(NetworkTraining):
             record.add(start, action, cost, float(rewards[run]))
             record.greedy = record.greedy and bool(greedy[run])
             self._completed[run] |= end == COMPLETE
-            # At the step limit, the value bootstraps from the next state.
-            stored_end = GOES_ON if end == OUT_OF_TIME else end
+            # At the step limit, the value bootstraps from the next state by default.
+            bootstraps = end == OUT_OF_TIME and not self._options.limit_is_failure
+            stored_end = GOES_ON if bootstraps else end
             self._memory.add(run, start, action, float(scaled[run]), stored_end, int(after[run]))
 
     def _update(self) -> None:
@@ -290,7 +347,9 @@ class DqnTraining(NetworkTraining):
         targets = targets + self._rewards.discounts(ends) * next_values
         features = take_rows(self._counts.observations, take_rows(memory.observation, slots))
         actions = take_rows(memory.action, slots)
-        loss, means = td_loss(self._networks, features, actions, targets, weights)
+        loss, means = td_loss(
+            self._networks, features, actions, targets, weights, squared=options.loss == "squared"
+        )
         weight = options.imitation * imitation_weight(self.steps / self._total)
         if weight:
             cheapest = self._best.cheapest_steps(padded(self._limit), self._actions)

@@ -241,6 +241,8 @@ def td_loss(
     actions: NDArray[np.int64],
     targets: NDArray[np.float64],
     weights: NDArray[np.float64],
+    *,
+    squared: bool = False,
 ) -> tuple[torch.Tensor, NDArray[np.float64]]:
     """Return the loss summed over runs, and mean loss and value of every run.
 
@@ -252,6 +254,8 @@ def td_loss(
         Observations and actions of a batch, shapes (runs, batch, features) and (runs, batch).
     targets, weights
         Shape (runs, batch).
+    squared
+        True for squared errors instead of Huber's loss.
 
     Returns
     -------
@@ -262,7 +266,8 @@ def td_loss(
     values = networks.values(torch.from_numpy(features)).gather(2, taken)[..., 0]
     goals = torch.from_numpy(targets.astype(np.float32))
     shares = torch.from_numpy(weights.astype(np.float32))
-    losses = torch.nn.functional.huber_loss(values, goals, reduction="none") * shares
+    loss = torch.nn.functional.mse_loss if squared else torch.nn.functional.huber_loss
+    losses = loss(values, goals, reduction="none") * shares
     means = losses.mean(1)
     with torch.no_grad():
         figures = np.stack([means.numpy(), values.mean(1).numpy()]).astype(np.float64)
