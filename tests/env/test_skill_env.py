@@ -8,12 +8,13 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from board_situations import OPTIMAL
-from situations import fake_back_end, model_of, retry_task, two_roads_task
-from skillplan.env import SkillEnv
+from situations import CONFIGS, fake_back_end, model_of, retry_task, two_roads_task
+from skillplan.env import SkillEnv, SkillVectorEnv
 from skillplan.errors import OptionError
 from skillplan.pipeline import make_model
 from skillplan.task import Verdict
 
+NAME = "skillplan.env:skillplan/Task-v0"
 LOAD_GRIPPER, LOAD_SCREWDRIVER = 12, 13
 
 
@@ -30,9 +31,7 @@ def board(board_task):
 def test_gymnasium_has_nothing_to_say_against_it(board_task, chance, observation, mask):
     """Its checker passes without a warning, which would be an error here."""
     task = retry_task(0.5) if chance else board_task
-    env = gymnasium.make(
-        "skillplan.env:skillplan/Task-v0", task=task, observation=observation, mask=mask
-    )
+    env = gymnasium.make(NAME, task=task, observation=observation, mask=mask)
     check_env(env.unwrapped)
 
 
@@ -148,6 +147,51 @@ class TestMasks:
     def test_an_unknown_one_is_refused(self, board_task):
         with pytest.raises(OptionError, match=r"Unknown mask 'feasable'\. Did you mean 'feasible'"):
             SkillEnv(make_model(board_task), mask="feasable")
+
+    def test_they_are_a_method_too_as_sb3_contrib_looks_for_it(self, board):
+        for action in OPTIMAL[:5]:
+            *_, info = board.step(action)
+            mask = board.action_masks()
+            assert (np.int8, info["action_mask"].tolist()) == (mask.dtype, mask.tolist())
+
+
+class TestStart:
+    def test_an_episode_begins_in_the_state_that_an_info_lists(self, board):
+        for action in OPTIMAL[:6]:
+            obs, *_, info = board.step(action)
+        again, first = board.reset(options={"start": info["state"]})
+        assert (info["state"], obs.tolist()) == (first["state"], again.tolist())
+        rewards = [board.step(action)[1] for action in OPTIMAL[6:]]
+        assert 10.0 == rewards[-1]
+        assert list(board.model.initial) == board.reset(options={})[1]["state"]
+
+    def test_a_place_is_named_as_on_the_command_line(self):
+        env = gymnasium.make(NAME, task=CONFIGS / "swarmitfix_polygonal.yaml", part="base-1")
+        _, info = env.reset(options={"start": "C20"})
+        assert "at(C20)" in info["state"]
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"strat": "C20"}, "Unknown option 'strat' of reset. Did you mean 'start'"),
+            ({"start": "placed(brase)"}, r"Did you mean 'placed\(brace\)'"),
+            ({"start": ["placed(brase)"]}, r"Did you mean 'placed\(brace\)'"),
+            ({"start": 3}, "start 3: is neither a name nor a list of facts"),
+            ({"start": ""}, "names no fact and no place"),
+        ],
+    )
+    def test_what_is_no_start_is_refused_and_changes_nothing(self, board_task, options, message):
+        env = SkillEnv(make_model(board_task))
+        envs = SkillVectorEnv(make_model(board_task), 2)
+        for refusing in (env, envs):
+            with pytest.raises(OptionError, match=message):
+                refusing.reset(options=options)
+            with pytest.raises(gymnasium.error.ResetNeeded):
+                refusing.step(np.zeros(2, dtype=int))
+
+    def test_a_state_that_completes_the_task_is_refused(self):
+        with pytest.raises(OptionError, match="already completes the task"):
+            SkillEnv(model_of(two_roads_task())).reset(options={"start": "done"})
 
 
 class TestChance:

@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -118,7 +118,7 @@ class CountingModel(SkillModel):
 def likely_actions(masks: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return an action for every place: mostly an allowed one, any other now and then."""
     wild = rng.random(len(masks)) < 0.1
-    scores = rng.random(masks.shape) + 10 * (masks & ~wild[:, None])
+    scores = rng.random(masks.shape) + 10 * (masks.astype(bool) & ~wild[:, None])
     return np.argmax(scores, axis=1)
 
 
@@ -129,7 +129,12 @@ def trace(env: SkillVectorEnv, infos: dict, steps: int, seed: int) -> Iterator[l
         obs, rewards, terminated, truncated, infos = env.step(
             likely_actions(infos["action_mask"], rng)
         )
-        yield [obs, rewards, terminated, truncated, *infos.values()]
+        yield [obs, rewards, terminated, truncated, *rows(infos)]
+
+
+def rows(infos: dict) -> list[np.ndarray]:
+    """Return the infos of every step, in a row; `final_info` repeats some of them."""
+    return [array for name, array in infos.items() if name.lstrip("_") != "final_info"]
 
 
 def same(first: list[np.ndarray], other: list[np.ndarray]) -> bool:
@@ -271,6 +276,58 @@ class TestEpisodes:
         kept = [(arrays, [a.copy() for a in arrays]) for arrays in trace(env, infos, 60, 1)]
         assert all(same(arrays, copies) for arrays, copies in kept)
 
+    def test_ends_are_named_as_gymnasium_names_them(self, board_task):
+        """Names, types and figures of `SyncVectorEnv`; `final_obs` has all rows here."""
+        ours = SkillVectorEnv(make_model(board_task), 2)
+        theirs = SyncVectorEnv(
+            [lambda: SkillEnv(make_model(board_task))] * 2, autoreset_mode=AutoresetMode.SAME_STEP
+        )
+        ours.reset(seed=0), theirs.reset(seed=0)
+        for step, action in enumerate(OPTIMAL):
+            actions = np.array([action, 1 if step == 3 else action])
+            infos, other = ours.step(actions)[4], theirs.step(actions)[4]
+            assert infos["action_mask"].tolist() == other["action_mask"].tolist()
+            assert infos["action_mask"].dtype == other["action_mask"].dtype
+            assert ("final_info" in other) == ("final_info" in infos) == infos["_final_obs"].any()
+            if "final_info" not in other:
+                continue
+            for name in ("_final_obs", "_final_info"):
+                assert other[name].tolist() == infos[name].tolist()
+            for place in np.flatnonzero(infos["_final_obs"]):
+                assert other["final_obs"][place].tolist() == infos["final_obs"][place].tolist()
+                for name in ("action_mask", "cost"):
+                    mine, yours = infos["final_info"], other["final_info"]
+                    assert yours[name].dtype == mine[name].dtype
+                    assert yours[name][place].tolist() == mine[name][place].tolist()
+                    assert yours[f"_{name}"].tolist() == mine[f"_{name}"].tolist()
+
+    def test_masks_are_those_of_the_infos_and_sample_actions(self, board_task):
+        env = SkillVectorEnv(make_model(board_task), 3)
+        _, infos = env.reset(seed=0)
+        for _ in range(20):
+            assert infos["action_mask"].tolist() == env.action_masks().tolist()
+            assert {np.dtype(np.int8)} == {
+                infos["action_mask"].dtype,
+                infos["final_mask"].dtype,
+                env.action_masks().dtype,
+            }
+            actions = env.action_space.sample(mask=tuple(infos["action_mask"]))
+            assert infos["action_mask"][np.arange(3), actions].all()
+            *_, infos = env.step(actions)
+
+    def test_a_requested_start_counts_for_the_first_episode_of_each_place(self, board_task):
+        env, single = SkillVectorEnv(make_model(board_task), 2), SkillEnv(make_model(board_task))
+        first, _ = env.reset(seed=0)
+        single.reset(seed=0)
+        for action in OPTIMAL[:6]:
+            *_, info = single.step(action)
+        expected, _ = single.reset(options={"start": info["state"]})
+        obs, _ = env.reset(options={"start": info["state"]})
+        assert [expected.tolist()] * 2 == obs.tolist()
+        obs, _, terminated, _, _ = env.step(np.array([OPTIMAL[6], OPTIMAL[0]]))
+        assert [False, True] == terminated.tolist()
+        assert first[1].tolist() == obs[1].tolist()
+
 
 class TestIndependence:
     @given(chancy_tasks(), st.integers(1, 6), st.integers(0, 2**32))
@@ -290,8 +347,8 @@ class TestIndependence:
             actions[place] = mine[0]
             obs, rewards, terminated, truncated, infos = alone.step(mine)
             *arrays, beside = among.step(actions)
-            expected = [obs, rewards, terminated, truncated, *infos.values()]
-            results = [array[[place]] for array in (*arrays, *beside.values())]
+            expected = [obs, rewards, terminated, truncated, *rows(infos)]
+            results = [array[[place]] for array in (*arrays, *rows(beside))]
             assert same(expected, results)
 
     def test_without_a_seed_a_reset_goes_on_with_the_random_numbers_there_are(self):
@@ -309,7 +366,7 @@ class TestRestoring:
     def test_it_goes_on_bit_for_bit_also_amid_episodes_and_chance(self, task, steps, seed):
         env = SkillVectorEnv(make_model(task), 4)
         _, infos = env.reset(seed=seed)
-        for *_, mask, _, _, _, _ in trace(env, infos, steps, seed):
+        for *_, mask, _, _, _, _, _ in trace(env, infos, steps, seed):
             infos = {"action_mask": mask}
         kept = json.dumps(env.state())
         loads = json.loads(kept)
@@ -328,7 +385,7 @@ class TestRestoring:
         models = [model_of(two_roads_task().replace(name=name)) for name in ("one", "other")]
         env, fresh = SkillVectorEnv(models, 5), SkillVectorEnv(models, 5)
         _, infos = env.reset(seed=1)
-        for *_, mask, _, _, _, _ in trace(env, infos, 17, 0):
+        for *_, mask, _, _, _, _, _ in trace(env, infos, 17, 0):
             infos = {"action_mask": mask}
         _, again = fresh.restore(env.state())
         for _ in zip(trace(env, infos, 50, 2), trace(fresh, again, 50, 2), strict=True):

@@ -108,6 +108,18 @@ class TestArguments:
         with pytest.raises(TaskError, match="parts"):
             gymnasium.make(NAME, task=path)
 
+    def test_a_part_of_a_chain_is_chosen_by_name(self, board_task):
+        chain = CONFIGS / "swarmitfix_polygonal.yaml"
+        env = gymnasium.make(NAME, task=chain, part="base-1").unwrapped
+        envs = gymnasium.make_vec(NAME, num_envs=2, task=chain, part="base-1")
+        assert isinstance(env, SkillEnv)
+        assert isinstance(envs, SkillVectorEnv)
+        assert "base-1" == env.model.task.name == envs.models[0].task.name
+        with pytest.raises(OptionError, match="Did you mean 'base-1'"):
+            gymnasium.make(NAME, task=chain, part="base1")
+        with pytest.raises(OptionError, match="is a task already"):
+            gymnasium.make(NAME, task=board_task, part="base-1")
+
     def test_a_chain_of_tasks_is_refused(self):
         with pytest.raises(TaskError):
             gymnasium.make(NAME, task=CONFIGS / "swarmitfix_polygonal.yaml")

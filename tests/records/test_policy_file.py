@@ -9,9 +9,10 @@ import pytest
 from skillplan.errors import OptionError
 from skillplan.model import roll_out
 from skillplan.pipeline import make_model, solve
-from skillplan.records import make_policy_document, read_policy, read_start_state
+from skillplan.records import make_policy_document, read_policy
 from skillplan.records.stored import policy_file
 from skillplan.solvers import Policy
+from skillplan.task import read_start_state
 from skillplan_swarmitfix import BaseGrounding, Bench
 from swarm_situations import SWING_S, base_task
 

@@ -6,10 +6,11 @@ A page is a Markdown file. These of its fences take part, in the order of the pa
   ``...`` stands for any lines. With ``slow`` behind it, only ``make test-all`` runs it.
 - any language with ``file=NAME`` behind it: the fence is written to that file.
 - ``python run``: is executed, all of a page in one namespace; a fence ``text output`` right after
-  it is what it prints.
+  it is what it prints. With ``needs=MODULE`` behind it, only if the module is installed.
 """
 
 import contextlib
+import importlib.util
 import io
 import os
 import re
@@ -51,6 +52,16 @@ class Fence:
         """The file that it is written to, or None."""
         named = [word.removeprefix("file=") for word in self.words if word.startswith("file=")]
         return named[0] if named else None
+
+    @property
+    def executable(self):
+        """Whether it is Python to execute, and the module that it needs is installed."""
+        needs = [word.removeprefix("needs=") for word in self.words if word.startswith("needs=")]
+        return (
+            self.language == "python"
+            and "run" in self.words
+            and all(importlib.util.find_spec(module) for module in needs)
+        )
 
     @property
     def slow(self):
@@ -103,7 +114,7 @@ class Session:
             elif fence.language == "console" and (self.with_slow or not fence.slow):
                 body = self._console(body)
             elif fence.language == "python" and "run" in fence.words:
-                printed = executed(body, namespace)
+                printed = executed(body, namespace) if fence.executable else None
             elif fence.words == ["output"] and printed is not None:
                 body = self._held(body.splitlines()[0], body, printed)
             pieces += [text[done : fence.start], body]

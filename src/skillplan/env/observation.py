@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
 
@@ -16,7 +16,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.task.reward import Reward
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan.task.task import Literal, Task
+from skillplan.task.task import Literal, Task, read_start_state
 
 ObservationKind = typing.Literal["paper", "markov", "layout"]
 MaskKind = typing.Literal["none", "applicable", "feasible"]
@@ -121,6 +121,40 @@ def _cost(skill: Skill, state: State) -> float:
         return skill.cost.at(state)
     except ValueError:
         return 0.0
+
+
+def read_start(model: SkillModel, options: Mapping[str, Any] | None) -> State:
+    """Return the state in which a reset with these options begins an episode.
+
+    Parameters
+    ----------
+    options
+        None, or ``{"start": ...}``: a place such as ``C20``, or a list of all facts that hold, such
+        as ``info["state"]``. See `read_start_state`.
+
+    Raises
+    ------
+    OptionError
+        If another option is given, a name is unknown, or the state already completes the task.
+    """
+    for name in options or ():
+        if name != "start":
+            hint = name_hint(str(name), ["start"])
+            raise OptionError(f"Unknown option {name!r} of reset. {hint}")
+    start = (options or {}).get("start")
+    if start is None:
+        return model.initial
+    is_readable = isinstance(start, str | Iterable)
+    names = start if isinstance(start, str) or not is_readable else list(start)
+    if not is_readable or not all(isinstance(name, str) for name in names):
+        raise OptionError(f"start {start!r}: is neither a name nor a list of facts.")
+    try:
+        state = read_start_state(model.task, names)
+    except OptionError as error:
+        raise OptionError(f"start {start!r}: {error}") from None
+    if model.is_goal(state):
+        raise OptionError(f"start {start!r}: already completes the task.")
+    return state
 
 
 def list_allowed_actions(

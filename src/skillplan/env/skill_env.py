@@ -14,6 +14,7 @@ from skillplan.env.observation import (
     RewardFunction,
     check_name,
     list_allowed_actions,
+    read_start,
 )
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill
@@ -99,15 +100,21 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         seed
             Seed of the outcomes; None goes on with the present generator.
         options
-            Unused.
+            ``{"start": ...}`` for an episode from another state: see `read_start`.
 
         Returns
         -------
         observation, info
             Observation, float32, shape (width,); info of the class.
+
+        Raises
+        ------
+        OptionError
+            If an option or its value is wrong.
         """
+        start = read_start(self.model, options)
         super().reset(seed=seed)
-        self._state, self._steps, self._cost = self.model.initial, 0, 0.0
+        self._state, self._steps, self._cost = start, 0, 0.0
         self._last, self._over = "", False
         return self._observation.encode(self._state), self._info()
 
@@ -183,14 +190,18 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         cost = self.model.task.cost_text(self._cost)
         return f"step {self._steps}, {cost}{self._last}; {self._state}"
 
+    def action_masks(self) -> NDArray[np.int8]:
+        """Return ``action_mask`` of the present state, as MaskablePPO of sb3-contrib calls it."""
+        mask = np.zeros(len(self.model.task.skills), dtype=np.int8)
+        mask[list(list_allowed_actions(self.model, self._state, self._mask, self._feasible))] = 1
+        return mask
+
     def close(self) -> None:
         """End the worker processes of back ends."""
         self.model.feasibility.close()
 
     def _info(self) -> dict[str, Any]:
-        mask = np.zeros(len(self.model.task.skills), dtype=np.int8)
-        mask[list(list_allowed_actions(self.model, self._state, self._mask, self._feasible))] = 1
-        return {"state": list(self._state), "action_mask": mask, "cost": 0.0}
+        return {"state": list(self._state), "action_mask": self.action_masks(), "cost": 0.0}
 
     def _feasible(self, action: int) -> bool:
         return self.model.verdict(self._state, self.model.task.skills[action]).is_feasible

@@ -13,7 +13,13 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from skillplan.env.observation import MaskKind, Observation, RewardFunction, check_name
+from skillplan.env.observation import (
+    MaskKind,
+    Observation,
+    RewardFunction,
+    check_name,
+    read_start,
+)
 from skillplan.env.transition_table import OUT_OF_TIME, TransitionTable
 from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
@@ -126,15 +132,20 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
     sub-environment, by name:
 
     ``action_mask``
-        Bool, shape (n, actions): actions that are allowed next. If a row allows none, any action
-        ends the episode.
+        Int8, shape (n, actions): 1 for actions that are allowed next. If a row allows none, any
+        action ends the episode.
     ``cost``
         Float64, shape (n,): cost of the executed skill in the task's metric; 0 if it was not
         executed.
     ``end``
         Int8, shape (n,): 0 if the episode goes on, 1 complete, 2 infeasible, 3 out of time.
     ``final_obs``, ``final_mask``
-        Observation and mask after the step, before the next episode.
+        Observation and mask after the step, before the next episode; of every row.
+    ``_final_obs``
+        Bool, shape (n,): True if an episode ended.
+    ``final_info``, ``_final_info``
+        Only if an episode ended, as of Gymnasium's `SyncVectorEnv`: ``action_mask``, ``cost`` and
+        ``end`` after the step, valid in the rows that ``_final_info`` marks.
 
     The episodes of a sub-environment depend only on its seed and actions, not on the others.
 
@@ -213,7 +224,8 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
             One seed per sub-environment; or one for all, to which its index is added. None goes on
             with the present generators.
         options
-            Unused.
+            ``{"start": ...}`` for first episodes from another state: see `read_start`. Episodes
+            that follow in the same sub-environment begin in the task's own initial state.
 
         Returns
         -------
@@ -222,9 +234,15 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
 
         Raises
         ------
+        OptionError
+            If an option or its value is wrong.
         ValueError
             If the number of seeds differs.
         """
+        starts = self._starts
+        if options:
+            states = [read_start(model, options) for model in self.models]
+            starts = [self._table.number(i, state) for i, state in enumerate(states)]
         seeds: Sequence[int | None]
         if isinstance(seed, int | np.integer):
             super().reset(seed=int(seed))
@@ -235,7 +253,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
             raise ValueError(f"There are {self.num_envs} places, but {len(seeds)} seeds.")
         if seed is not None or not self._generators:
             self._generators = [seeding.np_random(entry)[0] for entry in seeds]
-        self._begin(np.ones(self.num_envs, dtype=np.bool_))
+        self._begin(np.ones(self.num_envs, dtype=np.bool_), starts)
         return self._first_look()
 
     def step(
@@ -286,18 +304,34 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
             ends[late] = OUT_OF_TIME
         self._at = following
         over = ends > 0
-        final_obs, final_mask = table.features[following], table.masks[following]
+        final_obs, final_mask = table.features[following], table.masks[following].view(np.int8)
         if np.count_nonzero(over):
             self._at = following.copy()
-            self._begin(over)
+            self._begin(over, self._starts)
         infos: Infos = {
-            "action_mask": table.masks[self._at],
+            "action_mask": self.action_masks(),
             "cost": table.costs[outcomes],
             "end": ends,
             "final_obs": final_obs,
             "final_mask": final_mask,
+            "_final_obs": over,
         }
+        if np.count_nonzero(over):
+            final = {"action_mask": final_mask, "cost": infos["cost"], "end": ends}
+            infos["final_info"] = {**final, **{f"_{name}": over for name in final}}
+            infos["_final_info"] = over
         return table.features[self._at], rewards, over & ~late, late, infos
+
+    def action_masks(self) -> NDArray[np.int8]:
+        """Return ``action_mask`` of the present states, shape (n, actions).
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If the environment was not reset.
+        """
+        self._check_begun()
+        return self._table.masks[self._at].view(np.int8)
 
     def state(self) -> dict[str, Any]:
         """Return the state of all sub-environments as JSON values, for `restore`.
@@ -361,27 +395,28 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         for model in self.models:
             model.feasibility.close()
 
-    def _begin(self, places: NDArray[np.bool_]) -> None:
-        """Start an episode in the marked sub-environments."""
+    def _begin(self, places: NDArray[np.bool_], starts: Sequence[int]) -> None:
+        """Start an episode in the marked sub-environments, from the start of each model."""
         count = len(self.models)
         if count == 1:
-            self._at[places] = self._starts[0]
+            self._at[places] = starts[0]
         else:
             for place in np.flatnonzero(places).tolist():
-                self._at[place] = self._starts[int(self._generators[place].integers(count))]
+                self._at[place] = starts[int(self._generators[place].integers(count))]
         self._steps[places] = 0
         self._table.observe(self._at)
 
     def _first_look(self) -> tuple[Features, Infos]:
         table = self._table
         table.observe(self._at)
-        observed, allowed = table.features[self._at], table.masks[self._at]
+        observed, allowed = table.features[self._at], self.action_masks()
         return observed, {
             "action_mask": allowed,
             "cost": np.zeros(self.num_envs),
             "end": np.zeros(self.num_envs, dtype=np.int8),
             "final_obs": observed.copy(),
             "final_mask": allowed.copy(),
+            "_final_obs": np.zeros(self.num_envs, dtype=np.bool_),
         }
 
     def _checked(self, actions: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -20,6 +20,7 @@ Options = Mapping[str, Mapping[str, Any]]
 def make_env(
     task: str | os.PathLike[str] | Task,
     *,
+    part: str | None = None,
     physics: str | None = None,
     collision: str | Sequence[str] = (),
     options: Options | None = None,
@@ -34,6 +35,8 @@ def make_env(
     ----------
     task
         A task file, or a task.
+    part
+        Name of a task of the file; needed if the file describes a chain of several.
     physics, collision
         Names of engine and detectors, the latter as a sequence or separated by commas; by default
         as the task file chooses.
@@ -45,14 +48,14 @@ def make_env(
     Raises
     ------
     TaskError
-        If the task file has faults, or describes a chain of several tasks.
+        If the task file has faults, or describes a chain of several tasks and `part` is None.
     OptionError, PluginError
         If a name or an option is wrong.
     BackEndError
         If a back end fails to start.
     """
     return SkillEnv(
-        _model(task, physics, collision, options),
+        _model(task, part, physics, collision, options),
         observation=observation,
         mask=mask,
         objective=objective,
@@ -64,6 +67,7 @@ def make_vector_env(
     num_envs: int,
     task: str | os.PathLike[str] | Task,
     *,
+    part: str | None = None,
     physics: str | None = None,
     collision: str | Sequence[str] = (),
     options: Options | None = None,
@@ -77,13 +81,13 @@ def make_vector_env(
     ----------
     num_envs
         Number of episodes, >= 1.
-    task, physics, collision, options
+    task, part, physics, collision, options
         As in `make_env`, which raises the same errors.
     observation, mask, objective
         As in `SkillVectorEnv`.
     """
     return SkillVectorEnv(
-        _model(task, physics, collision, options),
+        _model(task, part, physics, collision, options),
         num_envs,
         observation=observation,
         mask=mask,
@@ -93,6 +97,7 @@ def make_vector_env(
 
 def _model(
     task: str | os.PathLike[str] | Task,
+    part: str | None,
     physics: str | None,
     collision: str | Sequence[str],
     options: Options | None,
@@ -101,7 +106,10 @@ def _model(
     detectors = tuple(dict.fromkeys(name.strip() for name in detectors if name.strip()))
     if not isinstance(task, Task):
         queried = {"physics": [physics] if physics else [], "collision": detectors}
-        task = load_problem(task, {kind: names for kind, names in queried.items() if names}).task
+        chosen = {kind: names for kind, names in queried.items() if names}
+        task = load_problem(task, chosen).part(part)
+    elif part is not None:
+        raise OptionError("`part` names a task of a file, but `task` is a task already.")
     setup = Setup(physics, detectors, options or {})
     taking_part = [setup.physics_choice(task).name]
     taking_part += [choice.name for choice in setup.collision_choices(task)]

@@ -25,7 +25,6 @@ from .result import tolerance as tolerance
 from .stored.policy_file import fingerprint as fingerprint
 from .stored.policy_file import make_policy_document as make_policy_document
 from .stored.policy_file import read_policy as read_policy
-from .stored.policy_file import read_start_state as read_start_state
 from .stored.result_file import StoredClaims as StoredClaims
 from .stored.result_folder import MANIFEST as MANIFEST
 from .stored.result_folder import check_finished as check_finished
@@ -164,7 +163,6 @@ __all__ = [
     "read_metrics",
     "read_network",
     "read_policy",
-    "read_start_state",
     "resolve_config",
     "share",
     "summarise_training",

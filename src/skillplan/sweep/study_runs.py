@@ -12,11 +12,10 @@ from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import SearchRequest, grade, open_warm_cache, search, solve
 from skillplan.plugins.blame import ends_program
 from skillplan.records.result import Result, Status
-from skillplan.records.stored.policy_file import read_start_state
 from skillplan.records.sweep.result import StartOutcome, SweepRecord
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import State
-from skillplan.task.task import Task
+from skillplan.task.task import Task, read_start_state
 from skillplan.workers.executor import Answer, Executor, News, Worker, pack_content, shares_files
 from skillplan.workers.local_processes import LocalProcesses
 

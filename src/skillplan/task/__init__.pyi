@@ -46,6 +46,7 @@ from .task import Place as Place
 from .task import Precedence as Precedence
 from .task import Task as Task
 from .task import find_unreachable_facts as find_unreachable_facts
+from .task import read_start_state as read_start_state
 from .verdict import Verdict as Verdict
 from .verdict import VerdictStatus as VerdictStatus
 
@@ -99,5 +100,6 @@ __all__ = [
     "dot",
     "find_unreachable_facts",
     "plus",
+    "read_start_state",
     "unit",
 ]

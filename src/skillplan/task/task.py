@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -331,3 +331,44 @@ def _added(outcomes: Sequence[Outcome]) -> int:
     for outcome in outcomes:
         bits |= outcome.add.bits
     return bits
+
+
+def read_start_state(task: Task, start: str | Iterable[str]) -> State:
+    """Return the state of a place or of facts, by name.
+
+    Parameters
+    ----------
+    start
+        Text with names of places or facts, separated by commas; facts that exclude each other, such
+        as places of another robot, default to the initial state. Or a list of all facts.
+
+    Raises
+    ------
+    OptionError
+        If a name is neither a fact nor a place, or two of them exclude each other.
+    """
+    by_place: dict[str, list[str]] = {}
+    for fact, place in task.places.items():
+        by_place.setdefault(place.name, []).append(fact)
+    is_text = isinstance(start, str)
+    listed = start.split(",") if isinstance(start, str) else start
+    names = [name.strip() for name in listed if name.strip()]
+    if is_text and not names:
+        raise OptionError("names no fact and no place.")
+    facts = []
+    for name in names:
+        meant = by_place.get(name, [name])
+        if len(meant) > 1:
+            raise OptionError(f"{name} may be {' or '.join(meant[:3])}. Name the fact.")
+        if meant[0] not in task.facts and by_place:
+            raise OptionError(f"no place {name!r}. {name_hint(name, by_place)}")
+        facts += meant
+    state = task.facts.of(*facts)
+    for group in task.facts.exclusive:
+        together = [fact for fact in group if fact in state]
+        if len(together) > 1:
+            raise OptionError(f"{' and '.join(together[:2])} cannot both hold. Keep one.")
+        if is_text and not together:
+            # The other robots stay in their places.
+            state |= task.facts.of(*group) & task.initial
+    return state

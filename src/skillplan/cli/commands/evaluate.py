@@ -201,8 +201,9 @@ def replay_on_task(
     """Replay a sequence, or follow a stored policy, on a task."""
     from skillplan.errors import OptionError
     from skillplan.pipeline.exchange import read_given_plan
-    from skillplan.records.stored.policy_file import read_policy, read_start_state
+    from skillplan.records.stored.policy_file import read_policy
     from skillplan.records.stored.result_folder import find_policies_path
+    from skillplan.task.task import read_start_state
 
     task = load_file(path, reading, back_ends).part(reading.part)
     setup = make_setup(back_ends, task, (DEFAULT_SOLVER,), executor=checking.executor)

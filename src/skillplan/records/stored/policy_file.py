@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.errors import OptionError, name_hint
+from skillplan.errors import OptionError
 from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.records import schemas
@@ -16,7 +16,6 @@ from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.solution import Policy
 from skillplan.task.skill import Outcome
-from skillplan.task.state import State
 from skillplan.task.task import Task
 
 _MOST_BYTES = 256 * 1024 * 1024
@@ -160,39 +159,6 @@ def fingerprint(task: Task) -> str:
     ]
     text = json.dumps(content, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def read_start_state(task: Task, text: str) -> State:
-    """Return the state that a list of facts, or of names of places, describes.
-
-    Raises
-    ------
-    OptionError
-        If a name is neither a fact nor a place, or two of them exclude each other.
-    """
-    by_place: dict[str, list[str]] = {}
-    for fact, place in task.places.items():
-        by_place.setdefault(place.name, []).append(fact)
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    if not names:
-        raise OptionError("names no fact and no place.")
-    facts = []
-    for name in names:
-        meant = by_place.get(name, [name])
-        if len(meant) > 1:
-            raise OptionError(f"{name} may be {' or '.join(meant[:3])}. Name the fact.")
-        if meant[0] not in task.facts and by_place:
-            raise OptionError(f"no place {name!r}. {name_hint(name, by_place)}")
-        facts += meant
-    start = task.facts.of(*facts)
-    for group in task.facts.exclusive:
-        together = [fact for fact in group if fact in start]
-        if len(together) > 1:
-            raise OptionError(f"{' and '.join(together[:2])} cannot both hold. Keep one.")
-        if not together:
-            # The other robots stay in their places.
-            start |= task.facts.of(*group) & task.initial
-    return start
 
 
 def _content(path: str, within: str | None) -> bytes:

@@ -137,12 +137,13 @@ def allowed_scores(scores: Vector, masks: NDArray[np.bool_] | None) -> Vector:
     return np.where(allowing(masks), scores, np.float32(-np.inf))
 
 
-def allowing(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return masks, shape (n, actions), in which a row that allows no action allows all.
+def allowing(masks: NDArray[np.bool_] | NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Return bool masks, shape (n, actions); a row that allows no action becomes all ones.
 
     Without an allowed action, any action ends the episode.
     """
-    return masks | ~masks.any(axis=1, keepdims=True)
+    allowed = masks.astype(np.bool_, copy=False)
+    return allowed | ~allowed.any(axis=1, keepdims=True)
 
 
 def random_actions(masks: NDArray[np.bool_], uniforms: NDArray[np.float64]) -> NDArray[np.int64]:
