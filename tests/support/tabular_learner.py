@@ -181,7 +181,7 @@ class TabularTraining(Training):
         ended = []
         for place, run in enumerate(self.runs):
             following = run.row(infos["final_obs"][place])
-            allowed = infos["final_mask"][place]
+            allowed = infos["final_mask"][place] == 1
             goes_on = not ends[place] and allowed.any()
             later = run.q[following, allowed].max() if goes_on else 0.0
             target = rewards[place] + self._options.gamma * later
