@@ -638,7 +638,7 @@ class TestOptions:
         given = {"planning": True}
         assert given == learner.Options.upgrade(given)
 
-    def test_a_training_of_version_0_3_0_keeps_what_it_did(self):
+    def test_a_training_before_the_release_of_0_3_0_keeps_what_it_did(self):
         options = DqnSolver.Options().model_dump()
         added = {"loss", "limit_is_failure"}
         for lacking in (added, added | {"replay", "clip_values"}):

@@ -55,7 +55,7 @@ class NetworkOptions(LearnerOptions):
 
     # Values of options that a training of version 0.2 does not list; it lists all others.
     LEGACY: ClassVar[Mapping[str, Any]] = {}
-    # Values of options that a training of version 0.3.0 does not list, either.
+    # Values of options that trainings before the release of 0.3.0 do not list.
     NEW: ClassVar[Mapping[str, Any]] = {}
 
     width: Width = 256
