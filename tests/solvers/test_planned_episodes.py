@@ -137,5 +137,6 @@ def test_they_go_on_from_what_was_kept_as_if_nothing_had_happened():
 def test_a_learner_follows_what_its_plans_have_found(solver, tmp_path):
     path = tmp_path / "board.yaml"
     path.write_text(BoardGenerator(12, 0.3, 3, 5).text(), encoding="utf-8")
-    solution = solve(load_problem(str(path)).task, make_solver(solver, {"steps": 6_000}))
+    options = {"steps": 6_000, "planning": True, "imitation": 1.0}
+    solution = solve(load_problem(str(path)).task, make_solver(solver, options))
     assert solution.cost == pytest.approx(11.49311, rel=0.02)

@@ -349,7 +349,7 @@ class TestPolicy:
     @pytest.mark.parametrize(
         ("recommended", "message"),
         [
-            ({0: 11}, "no action 11"),
+            ({0: 11}, "Action 11 does not exist"),
             ({0: 1}, "leaves the bench in C1"),
             ({99: 1}, "not on the bench"),
         ],

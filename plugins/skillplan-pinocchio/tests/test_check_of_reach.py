@@ -88,5 +88,5 @@ def test_what_surely_is_in_reach_swept_has_nothing_to_say_of(path, monkeypatch):
     """Asked of all skills, it warns of the same."""
     problem = load_problem(path)
     result = preview_problem(problem).warnings
-    monkeypatch.setattr(obstacles, "surely_reached", lambda *_: False)
+    monkeypatch.setattr(obstacles, "is_surely_reached", lambda *_: False)
     assert preview_problem(problem).warnings == result

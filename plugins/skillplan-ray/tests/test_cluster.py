@@ -169,7 +169,7 @@ def test_a_cluster_of_mixed_versions_is_refused_in_words(cluster, tmp_path):
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: skillplan\nVersion: 9.9.9\n")
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     cluster.add_node(num_cpus=1, env_vars={"PYTHONPATH": path})
-    with pytest.raises(SkillplanError, match=r"mixed.*: skillplan 9\.9\.9 \(here 0\.2\.0\)"):
+    with pytest.raises(SkillplanError, match=r"mixed.*: skillplan 9\.9\.9 \(here [0-9.]+\)"):
         executor_at(cluster).start(int, pack_content("1", "tests"), "tests")
 
 
