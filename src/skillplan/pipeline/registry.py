@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -23,9 +23,6 @@ from skillplan.plugins import installed
 from skillplan.plugins.blame import ends_program
 from skillplan.records import schemas
 from skillplan.workers.supervised import doing, get_import_limit_s
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
 
 
 @dataclass(frozen=True)
