@@ -30,6 +30,7 @@ def fragile_solver(install):
         from pydantic import BaseModel, Field
 
         from skillplan import Plan, Solution, Solver
+        from skillplan.errors import BackEndError
 
         class Fragile(Solver):
             """Answer, raise or die."""
@@ -39,11 +40,13 @@ def fragile_solver(install):
             class Options(BaseModel):
                 """How it ends."""
 
-                how: Literal["well", "raise", "die"] = Field(default="well", description="[-]")
+                how: Literal["well", "raise", "die", "blame"] = Field("well", description="[-]")
 
             def solve(self, model, *, seed=0):
                 if self.options.how == "raise":
                     raise RuntimeError("no memory left")
+                if self.options.how == "blame":
+                    raise BackEndError("the engine has failed")
                 if self.options.how == "die":
                     os.kill(os.getpid(), signal.SIGKILL)
                 return Solution(Plan(("B1", "B9", "B9", "B9")))
@@ -177,7 +180,7 @@ class TestFaults:
     def test_a_run_that_fails_is_named_and_the_others_go_on(self, cli, fragile_solver, jobs):
         words = ("--solver", fragile_solver, "-O", "how=raise,die,well", "--runs", "1")
         outcome = cli("sweep", CASES, *words, "--jobs", jobs, "--format", "json")
-        assert 0 == outcome.code
+        assert 3 == outcome.code
         document = outcome.document
         assert (2, 0) == (document["failed"], document["missing"])
         errors = {run["setting"]: run["error"] for run in document["runs"]}
@@ -186,6 +189,24 @@ class TestFaults:
         assert errors[2] is None
         shown = cli("sweep", CASES, *words, "--jobs", jobs).out
         assert "how = die, seed 0: its process ended by signal 9" in shown
+
+    @pytest.mark.usefixtures("in_this_process")
+    def test_a_study_with_a_failed_run_keeps_the_others_and_ends_with_2_or_3(
+        self, cli, fragile_solver, tmp_path
+    ):
+        """The code is 2 if the solver raised; 3 is for back ends and processes."""
+        study = str(tmp_path / "study")
+        words = ("--solver", fragile_solver, "--runs", "1", "--format", "json", "--out", study)
+        raised = cli("sweep", CASES, *words, "-O", "how=raise,well")
+        assert 2 == raised.code
+        assert [False, False] == [run["back_end_failed"] for run in raised.document["runs"]]
+        assert "no memory left" in raised.document["runs"][0]["error"]
+        assert 1 == raised.document["settings"][1]["arrived"]
+        again = cli("sweep", CASES, *words, "-O", "how=raise,well", "--resume")
+        assert raised.document["runs"][0] == again.document["runs"][0]
+        blamed = cli("sweep", CASES, *words[:-1], f"{study}-2", "-O", "how=blame,well")
+        assert 3 == blamed.code
+        assert [True, False] == [run["back_end_failed"] for run in blamed.document["runs"]]
 
     @pytest.mark.usefixtures("in_this_process")
     def test_a_study_in_which_nothing_arrives_ends_with_1(self, cli):

@@ -43,7 +43,7 @@ def test_fewer_than_four_runs_all_count():
     assert 3.0 == item.value
 
 
-@given(st.lists(figures, min_size=2, max_size=12))
+@given(st.lists(figures, min_size=3, max_size=12))
 def test_the_interval_lies_among_the_runs_and_holds_the_figure(runs):
     item = interquartile_mean(runs)
     assert item is not None

@@ -258,7 +258,7 @@ class TestTable:
         for part in (
             "optimum 1.86709 m, proved by auto",
             "2 of 3 complete, 1 at 0.00 % (1 at the optimum itself), 2 within 1 %, 1 failed",
-            "interquartile mean 0.35 % (95 %: 0.00 % to 0.70 %), of the 2 runs that complete",
+            "interquartile mean 0.35 %, of the 2 runs that complete",
             "75.0 % (95 %: 30.1 % to 95.4 %) of the 4 episodes",
             "1.90000 m while learning, deviation 1.76 %",
             "1.0 % (95 %: 0.2 % to 5.4 %) of 100 episodes of even chance, mask none",

@@ -77,6 +77,9 @@ class Listed(SharedTrials):
     def give_up(self, trial: Trial) -> None:
         self.events.append(f"give up {trial.number}")
 
+    def retry(self, numbers: Sequence[int]) -> None:
+        self.events.append(f"retry {list(numbers)}")
+
     def done(self) -> int:
         return len(self._told)
 
@@ -117,6 +120,23 @@ class TestOptions:
         assert item.holds(50)
         assert not item.holds(50.0)
         assert not item.holds(301)
+
+    @pytest.mark.parametrize(
+        ("text", "low", "high", "logarithmic"),
+        [("40:500", 64, 480, False), ("32:512:log", 32, 512, True), ("*", 4, 1024, False)],
+    )
+    def test_ranges_hold_the_multiples_that_an_option_allows(self, text, low, high, logarithmic):
+        """The width of the relational network is a multiple of 4, the batch of dqn one of 32."""
+        solver, name, step = ("dqn", "batch", 32) if text != "*" else ("relational", "width", 4)
+        (item,) = read_space(solver, [(name, text)]).dimensions
+        assert item == Span(name, low, high, True, logarithmic, step)
+        assert not item.holds(low + 1)
+
+    def test_a_range_without_two_multiples_is_one_clear_error(self):
+        with pytest.raises(OptionError, match="must be a multiple of 32, and the range has none"):
+            read_space("dqn", [("batch", "33:63")])
+        with pytest.raises(OptionError, match="has only one, 64"):
+            read_space("dqn", [("batch", "33:65")])
 
     def test_one_value_is_tried_first_or_holds_always(self):
         space = read_space("sarsa", [("gamma", "0.8:0.99"), ("gamma", "0.9"), ("alpha", "0.5")])

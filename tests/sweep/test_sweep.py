@@ -281,6 +281,8 @@ class TestIntervals:
     def test_too_few_runs_give_no_interval(self):
         assert (None, None) == (mean([]), share(0, 0))
         assert Estimate(2.0) == mean([2.0])
+        assert Estimate(5.5) == mean([3.0, 8.0])
+        assert mean([3.0, 8.0, 5.0]).low is not None
 
     def test_what_makes_no_sense_is_refused(self):
         with pytest.raises(ValueError, match="makes no sense"):

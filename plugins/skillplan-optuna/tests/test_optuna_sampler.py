@@ -15,7 +15,7 @@ import pytest
 
 from skillplan.errors import OptionError
 from skillplan.pipeline import load_problem
-from skillplan.records import Span
+from skillplan.records import Span, SweepRecord
 from skillplan.sweep import (
     Question,
     SharedTrials,
@@ -177,6 +177,26 @@ def test_another_study_is_refused_and_what_differs_is_named(study, tmp_path):
         open_trials(str(tmp_path), other, sampler, 0)
     with pytest.raises(OptionError, match=r"in the options of the sampler: \"tpe\" there"):
         open_trials(str(tmp_path), plan, make_sampler("optuna", {"method": "random"}), 0)
+
+
+def test_trials_with_failed_runs_are_done_again(study, tmp_path):
+    """Also those of which only some runs failed; the study ends with as many trials as before."""
+    plan, job = study
+    sampler = make_sampler("optuna", {})
+    trials = open_trials(str(tmp_path), plan, sampler, 0)
+    do_sampled(plan, job, trials, 1)
+    arrived = trials.finished()[0].lines[0]
+    failed = [SweepRecord(0, seed, error="out of memory").line() for seed in plan.seeds]
+    settings = []
+    for lines, value in ((failed, None), ([arrived, failed[1]], 5e8)):
+        trial = trials.ask()
+        settings.append(trial.values)
+        trials.tell(trial, value, lines)
+    again = open_trials(str(tmp_path), plan, sampler, 0)
+    assert again.done() == 1
+    result = do_sampled(plan, job, again, 3)
+    assert result.failed == []
+    assert all(values in result.plan.settings for values in settings)
 
 
 def test_a_folder_of_something_else_is_left_alone(study, tmp_path):

@@ -13,6 +13,8 @@ _TAIL = 0.975
 _NORMAL = statistics.NormalDist().inv_cdf(_TAIL)
 # Number of resamples of a bootstrap; more of them change no printed digit.
 _RESAMPLES = 10_000
+# Fewest runs whose mean gets an interval.
+_FEWEST = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +81,12 @@ def share(count: int, total: int) -> Estimate | None:
 def mean(values: Sequence[float]) -> Estimate | None:
     """Return a mean with Student's t interval over independent runs; None without runs.
 
-    One run gives no interval.
+    One or two runs give no interval: over two it would be 9 times the distance between them.
     """
     if not values:
         return None
     value = math.fsum(values) / len(values)
-    if len(values) == 1:
+    if len(values) < _FEWEST:
         return Estimate(value)
     half = t_quantile(len(values) - 1) * statistics.stdev(values) / math.sqrt(len(values))
     return Estimate(value, value - half, value + half)
@@ -96,7 +98,7 @@ def interquartile_mean(values: Sequence[float]) -> Estimate | None:
     A quarter of the runs, rounded down, is left out at either end, so that one run that went
     astray does not decide; Agarwal et al., "Deep reinforcement learning at the edge of the
     statistical precipice" (2021). The interval holds the middle 95 % of the figures of resampled
-    runs, always the same resamples. One run gives no interval.
+    runs, always the same resamples. One or two runs give no interval.
     """
     if not values:
         return None
@@ -107,7 +109,7 @@ def interquartile_mean(values: Sequence[float]) -> Estimate | None:
     cut = count // 4
     runs = np.sort(np.asarray(values, dtype=np.float64))
     value = float(runs[cut : count - cut].mean())
-    if count == 1:
+    if count < _FEWEST:
         return Estimate(value)
     draws = np.random.Generator(np.random.PCG64(count)).integers(count, size=(_RESAMPLES, count))
     middles = np.sort(runs[draws], axis=1)[:, cut : count - cut].mean(axis=1)

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from skillplan.errors import OptionError
 from skillplan.pipeline import registry
-from skillplan.records.sweep.plan import Axis, Choice, Dimension, Span, Value
+from skillplan.records.sweep.plan import Axis, Choice, Dimension, Span, Value, count_multiples
 
 _MOST_VALUES = 1_000
 ALL = "*"
@@ -109,9 +109,13 @@ def parse_list(
         return None
     if numeric and ":" in text:
         values = space_evenly(name, text)
+        step = get_multiple(options.model_fields[name])
+        if step is not None:
+            low, high = narrow_ends(name, text, step, min(values), max(values))
+            values = tuple(min(max(count_multiples(value, step)[1], low), high) for value in values)
         if float not in types:
             return tuple(dict.fromkeys(round(value) for value in values))
-        return values
+        return tuple(dict.fromkeys(values))
     if "," not in text:
         return None
     entries = [entry.strip() for entry in text.split(",")]
@@ -120,6 +124,45 @@ def parse_list(
     if len(entries) > _MOST_VALUES:
         raise OptionError(f"Option {name}: lists more than {_MOST_VALUES:,} values.")
     return tuple(dict.fromkeys(entries))
+
+
+def get_multiple(field: FieldInfo) -> float | None:
+    """Return the number that values of an option are multiples of; None without such a rule."""
+    step: float | None = _find_limit(field, "multiple_of")
+    return step
+
+
+def _find_limit(field: FieldInfo, name: str) -> Any:
+    """Return a limit of an option such as ``ge``; None if it has none."""
+    # The limits of an option that may be null belong to one of its forms.
+    forms = [form for form in get_args(field.annotation) if get_origin(form) is Annotated]
+    entries = [*field.metadata, *(entry for form in forms for entry in get_args(form)[1:])]
+    for entry in entries:
+        for limit in entry.metadata if isinstance(entry, FieldInfo) else [entry]:
+            value = getattr(limit, name, None)
+            if value is not None:
+                return value
+    return None
+
+
+def narrow_ends(
+    name: str, text: str, multiple_of: float, low: float, high: float
+) -> tuple[float, float]:
+    """Return the lowest and highest multiple between two ends.
+
+    Raises
+    ------
+    OptionError
+        If there are fewer than two.
+    """
+    first = count_multiples(math.ceil(low / multiple_of) * multiple_of, multiple_of)[1]
+    last = count_multiples(math.floor(high / multiple_of) * multiple_of, multiple_of)[1]
+    if first < last:
+        return first, last
+    raise OptionError(
+        f"Option {name}={text}: {name} must be a multiple of {multiple_of:g}, and the range has "
+        f"{'none' if first > last else f'only one, {first:g}'}. Take a wider range."
+    )
 
 
 def get_allowed_types(annotation: Any) -> set[Any]:
@@ -315,7 +358,17 @@ def _parse_span(plugin: type[Any], name: str, text: str) -> Dimension | None:
         raise OptionError(f"{where}: a range goes from a lower to a higher finite number.")
     if logarithmic and low <= 0:
         raise OptionError(f"{where}: the ends of a logarithmic range are > 0.")
-    return Span(name, low, high, whole, logarithmic)
+    return _make_span(field, name, text, low, high, logarithmic=logarithmic)
+
+
+def _make_span(
+    field: FieldInfo, name: str, text: str, low: float, high: float, *, logarithmic: bool = False
+) -> Span:
+    """Return the values of an option between two ends, if need be only multiples."""
+    whole, step = float not in get_allowed_types(field.annotation), get_multiple(field)
+    if step is not None:
+        low, high = narrow_ends(name, text, step, low, high)
+    return Span(name, low, high, whole, logarithmic, step)
 
 
 def _allow_all(name: str, field: FieldInfo) -> Dimension:
@@ -327,11 +380,10 @@ def _allow_all(name: str, field: FieldInfo) -> Dimension:
             return Choice(name, tuple(get_args(form)))
     if types - {type(None)} == {bool}:
         return Choice(name, (False, True))
-    low = next((limit.ge for limit in field.metadata if hasattr(limit, "ge")), None)
-    high = next((limit.le for limit in field.metadata if hasattr(limit, "le")), None)
+    low, high = _find_limit(field, "ge"), _find_limit(field, "le")
     if not types & {int, float} or low is None or high is None:
         raise OptionError(
             f"Option {name}={ALL}: the values of the option have no two ends. Name "
             f"them, as {name}=LOW:HIGH, or values, as {name}=A,B."
         )
-    return Span(name, low, high, whole=float not in types)
+    return _make_span(field, name, ALL, low, high)

@@ -266,6 +266,8 @@ def make_sampler(name: str, options: Mapping[str, Any]) -> Sampler:
 def open_trials(out: str, plan: SampledPlan, sampler: Sampler, seed: int) -> SharedTrials:
     """Open the trials of a folder: a new study, or the same study of other processes.
 
+    Finished trials with a failed run are tried again.
+
     Raises
     ------
     OptionError
@@ -299,7 +301,23 @@ def open_trials(out: str, plan: SampledPlan, sampler: Sampler, seed: int) -> Sha
             f"--out {out}: the study there differs {differs}. Give the same values to join "
             "it, or name a new folder."
         )
+    failed = [
+        trial.trial.number
+        for trial in trials.finished()
+        if any(_parse(trial.trial.number, line).error is not None for line in trial.lines)
+    ]
+    if failed:
+        trials.retry(failed)
     return trials
+
+
+def _parse(number: int, line: str) -> SweepRecord:
+    try:
+        return parse_record(line)
+    except ValueError as error:
+        raise OptionError(
+            f"Trial {number} of the study is damaged: {error}. Begin in a new folder."
+        ) from None
 
 
 @dataclass
@@ -402,8 +420,8 @@ def _collect_trials(plan: SampledPlan, trials: SharedTrials, *, interrupted: boo
     kept = {}
     for finished in trials.finished():
         number = finished.trial.number
+        records = [_parse(number, line) for line in finished.lines]
         try:
-            records = [parse_record(line) for line in finished.lines]
             if set(finished.trial.values) != options:
                 raise ValueError("it has other options")
             if sorted(record.seed for record in records) != sorted(plan.seeds):

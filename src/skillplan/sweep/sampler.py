@@ -87,6 +87,16 @@ class SharedTrials(ABC):
         """Discard a trial of this process: it counts neither as finished nor for later choices."""
 
     @abstractmethod
+    def retry(self, numbers: Sequence[int]) -> None:
+        """Try the settings of finished trials again, before new ones.
+
+        Parameters
+        ----------
+        numbers
+            Numbers of finished trials, which no longer count as finished.
+        """
+
+    @abstractmethod
     def done(self) -> int:
         """Return the number of finished trials."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.errors import OptionError, SkillplanError
+from skillplan.errors import BackEndError, OptionError, SkillplanError
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import SearchRequest, grade, open_warm_cache, search, solve
 from skillplan.plugins.blame import ends_program
@@ -101,11 +101,13 @@ def do_run(
     try:
         return _run(job, setting, options, seed, stop)
     except SkillplanError as error:
-        return SweepRecord(setting, seed, error=str(error))
+        failed = isinstance(error, BackEndError)
+        return SweepRecord(setting, seed, error=str(error), back_end_failed=failed)
     except BaseException as error:
         if ends_program(error):
             raise
-        return SweepRecord(setting, seed, error=f"{type(error).__name__}: {error}")
+        message = f"{type(error).__name__}: {error}"
+        return SweepRecord(setting, seed, error=message, back_end_failed=True)
 
 
 def _run(
@@ -218,7 +220,9 @@ def do_runs(
                     raise worker.not_started()
                 else:
                     error = f"its process ended by {answer.how}"
-                    record = SweepRecord(order.setting, order.seed, error=error)
+                    record = SweepRecord(
+                        order.setting, order.seed, error=error, back_end_failed=True
+                    )
                 # The record comes first, because the next run may depend on it.
                 yield record
                 following = next(todo, None)

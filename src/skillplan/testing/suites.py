@@ -242,6 +242,8 @@ SPACE: tuple[Dimension, ...] = (
     Span("rate", 1e-4, 1.0, logarithmic=True),
     Span("share", -1.0, 1.0),
     Span("count", 1, 9, whole=True),
+    Span("batch", 32, 512, whole=True, multiple_of=32),
+    Span("width", 64, 8_192, whole=True, logarithmic=True, multiple_of=64),
     Choice("kind", ("plain", "bent")),
     Choice("size", (8, 16, 32), ordered=True),
     Choice("quick", (False, True)),
@@ -279,7 +281,7 @@ class SamplerSuite:
 
     def test_what_is_to_be_tried_first_is(self, tmp_path: Path) -> None:
         """If it leaves options out, these are chosen."""
-        first = {"rate": 0.25, "kind": "bent", "size": 16, "quick": True, "count": 3}
+        first = {"rate": 0.25, "kind": "bent", "size": 16, "quick": True, "count": 3, "batch": 96}
         trials = self.join(tmp_path, first)
         assert trials.ask().values.items() >= first.items()
         assert not trials.ask().values.items() >= first.items()
@@ -305,6 +307,18 @@ class SamplerSuite:
             assert by_number[trials[0].number].value is None
             assert by_number[trials[1].number].value == 2.5
             assert by_number[trials[1].number].lines == ("second", "line")
+
+    def test_a_trial_is_tried_again_on_request(self, tmp_path: Path) -> None:
+        """Its settings come first, and it counts no longer."""
+        trials = self.join(tmp_path)
+        failed, kept = trials.ask(), trials.ask()
+        trials.tell(failed, None, ["failed"])
+        trials.tell(kept, 1.0, ["kept"])
+        trials.retry([failed.number])
+        assert [each.trial for each in trials.finished()] == [kept]
+        again = self.join(tmp_path).ask()
+        assert again.values == failed.values
+        assert again.number != failed.number
 
     def test_two_processes_do_not_begin_alike(self, tmp_path: Path) -> None:
         """The draw depends on the number of the trial, not only on the seed."""

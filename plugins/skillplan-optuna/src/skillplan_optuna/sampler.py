@@ -18,7 +18,7 @@ from optuna.trial import TrialState
 from pydantic import Field
 
 from skillplan.errors import OptionError
-from skillplan.records.sweep.plan import Choice, Dimension, Span, Trial, Value
+from skillplan.records.sweep.plan import Choice, Dimension, Span, Trial, Value, count_multiples
 from skillplan.sweep.sampler import FinishedTrial, Question, Sampler, SharedTrials
 from skillplan.task import back_end
 from skillplan_optuna.journal_file import damaged, opened
@@ -26,6 +26,8 @@ from skillplan_optuna.journal_file import damaged, opened
 _STUDY = "sweep"
 # Attributes in addition to Optuna's: the identity of the study, and the values and runs of a trial.
 _ABOUT, _VALUES, _LINES = "about", "values", "lines"
+# Attribute of the study: numbers of finished trials that were begun again.
+_RETRIED = "retried"
 
 
 class OptunaSampler(Sampler):
@@ -128,6 +130,15 @@ class OptunaTrials(SharedTrials):
         with self._told():
             self._study.tell(trial.number, state=TrialState.FAIL)
 
+    def retry(self, numbers: Sequence[int]) -> None:
+        """Try the settings of finished trials again; parameters as for `SharedTrials.retry`."""
+        with self._told():
+            by_number = {trial.number: trial for trial in self._over()}
+            known = self._study.user_attrs.get(_RETRIED, [])
+            self._study.set_user_attr(_RETRIED, sorted({*known, *numbers}))
+            for number in numbers:
+                self._study.enqueue_trial(by_number[number].params)
+
     def done(self) -> int:
         """Return the number of finished trials."""
         with self._told():
@@ -149,15 +160,23 @@ class OptunaTrials(SharedTrials):
         """Return the trials whose runs are complete; others were discarded or are running."""
         states = (TrialState.COMPLETE, TrialState.FAIL)
         trials = self._study.get_trials(deepcopy=False, states=states)
-        return [trial for trial in trials if _LINES in trial.user_attrs]
+        retried = set(self._study.user_attrs.get(_RETRIED, []))
+        return [
+            trial for trial in trials if _LINES in trial.user_attrs and trial.number not in retried
+        ]
 
     def _coded(self, values: Mapping[str, Value]) -> dict[str, Any]:
-        """Return values in Optuna's form: the index for a choice."""
+        """Return values in Optuna's form: the index of a choice, the number of steps."""
         known = {dimension.option: dimension for dimension in self._question.dimensions}
         coded: dict[str, Any] = {}
         for name, value in values.items():
             option = known[name]
-            coded[name] = option.values.index(value) if isinstance(option, Choice) else value
+            if isinstance(option, Choice):
+                coded[name] = option.values.index(value)
+            elif option.multiple_of is not None and isinstance(value, int | float):
+                coded[name] = count_multiples(value, option.multiple_of)[0]
+            else:
+                coded[name] = value
         return coded
 
     @contextmanager
@@ -182,6 +201,12 @@ class OptunaTrials(SharedTrials):
 def _suggested(trial: optuna.Trial, dimension: Dimension) -> Value:
     """Return the value of an option in a trial."""
     if isinstance(dimension, Span):
+        if dimension.multiple_of is not None:
+            # Optuna has no logarithmic ranges with steps, so that it draws the number of steps.
+            ends = (dimension.low, dimension.high)
+            low, high = (count_multiples(end, dimension.multiple_of)[0] for end in ends)
+            count = trial.suggest_int(dimension.option, low, high, log=dimension.logarithmic)
+            return count_multiples(count * dimension.multiple_of, dimension.multiple_of)[1]
         if dimension.whole:
             return trial.suggest_int(
                 dimension.option, int(dimension.low), int(dimension.high), log=dimension.logarithmic

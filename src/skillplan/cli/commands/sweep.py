@@ -40,14 +40,15 @@ EPILOG = (
     "as -O gamma=0.99, holds in all runs. Given together with several values of the same option, "
     "it replaces the default as the centre. A start fails if its plan exceeds the task's step "
     "limit; --set step_limit=1000 changes the limit. With --out every finished run is stored at "
-    "once, and --resume continues after any interruption.\n\n"
+    "once, and --resume continues after any interruption and repeats failed runs. The exit code "
+    "is 3 if a run failed by a back end or its process, 2 if by its options or the solver.\n\n"
     "--sampler optuna (plugin skillplan-optuna) chooses settings from ranges instead: -O "
-    "gamma=0.8:0.999 for any value between, -O alpha=0.001:1:log on a logarithmic scale, -O "
-    "policy=a,b for listed values, -O 'gamma=*' for everything that the option allows. The same "
-    "command in another process, or on another machine that shares the folder of --out, joins the "
-    "study; a later one continues it. The settings depend on the order in which runs end. "
-    "Therefore such a study cannot be repeated or resumed bit for bit, but it keeps every finished "
-    "trial."
+    "gamma=0.8:0.999 for any allowed value between, -O alpha=0.001:1:log on a logarithmic scale, "
+    "-O policy=a,b for listed values, -O 'gamma=*' for everything that the option allows. The "
+    "same command in another process, or on another machine that shares the folder of --out, "
+    "joins the study; a later one continues it and repeats failed trials. The settings depend on "
+    "the order in which runs end. Therefore such a study cannot be repeated or resumed bit for "
+    "bit, but it keeps every finished trial."
 )
 
 
@@ -332,9 +333,14 @@ def _show(result: SweepResult, output: Output, style: str) -> int:
     if output.plot is not None and len(result.records) > len(result.failed):
         _draw(result, _check_path(output.plot))
     arrived = any(outcome.arrived for record in result.records for outcome in record.outcomes)
-    code = exit_code(interrupted=result.interrupted, solved=arrived)
+    code = exit_code(
+        interrupted=result.interrupted,
+        back_end_failed=any(record.back_end_failed for record in result.failed),
+        wrong=bool(result.failed),
+        solved=arrived,
+    )
     tables = [tabulate_settings(result), *([tabulate_starts(result)] if style == "csv" else [])]
-    emit(style, result.document(), tables, failed=code != 0 or bool(result.failed))
+    emit(style, result.document(), tables, failed=code != 0)
     return code
 
 

@@ -224,6 +224,8 @@ class Span:
         The ends, both included; low < high, finite.
     logarithmic
         True if logarithms are drawn uniformly; then low > 0.
+    multiple_of
+        Only multiples of this number are allowed, and both ends are such; None for all values.
 
     Raises
     ------
@@ -236,18 +238,25 @@ class Span:
     high: float
     whole: bool = False
     logarithmic: bool = False
+    multiple_of: float | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
             raise ValueError(f"A span of {self.option!r} needs low < high, both finite.")
         if self.logarithmic and self.low <= 0:
             raise ValueError(f"A logarithmic span of {self.option!r} begins above 0.")
+        if self.multiple_of is not None and not all(map(self._is_multiple, (self.low, self.high))):
+            raise ValueError(f"The ends of {self.option!r} are no multiples of {self.multiple_of}.")
 
     def holds(self, value: object) -> bool:
         """Return True if a value is in the span."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             return False
-        return self.low <= value <= self.high and not (self.whole and isinstance(value, float))
+        fits = self.low <= value <= self.high and not (self.whole and isinstance(value, float))
+        return fits and self._is_multiple(value)
+
+    def _is_multiple(self, value: float) -> bool:
+        return self.multiple_of is None or value == count_multiples(value, self.multiple_of)[1]
 
     def document(self) -> dict[str, Any]:
         """Return the span as JSON values."""
@@ -257,7 +266,15 @@ class Span:
             "high": self.high,
             "whole": self.whole,
             "logarithmic": self.logarithmic,
+            **({} if self.multiple_of is None else {"multiple_of": self.multiple_of}),
         }
+
+
+def count_multiples(value: float, multiple_of: float) -> tuple[int, float]:
+    """Return the number of multiples nearest to a value, and their product."""
+    count = round(value / multiple_of)
+    product = count * multiple_of
+    return count, product if isinstance(multiple_of, int) else float(f"{product:.10g}")
 
 
 @dataclass(frozen=True, slots=True)

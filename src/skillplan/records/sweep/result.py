@@ -75,6 +75,8 @@ class SweepRecord:
         Episodes, sweeps or nodes, as the solver counts them, if it does.
     error
         Why the run failed, if it did.
+    back_end_failed
+        True if the run failed by a back end or its process, not by its options or the solver.
 
     Raises
     ------
@@ -88,12 +90,15 @@ class SweepRecord:
     shared: bool = False
     iterations: int | None = None
     error: str | None = None
+    back_end_failed: bool = False
 
     def __post_init__(self) -> None:
         if min(self.setting, self.seed, self.iterations or 0) < 0:
             raise ValueError("Setting, seed and iterations of a run must be >= 0.")
         if bool(self.outcomes) == (self.error is not None):
             raise ValueError("A run has either outcomes or an error.")
+        if self.back_end_failed and self.error is None:
+            raise ValueError("A run whose back end failed has an error.")
 
     @property
     def key(self) -> tuple[int, int]:
@@ -139,6 +144,7 @@ def _has_valid_types(record: SweepRecord) -> bool:
         "shared": bool,
         "iterations": (int, type(None)),
         "error": (str, type(None)),
+        "back_end_failed": bool,
     }
     return all(isinstance(getattr(record, key), kind) for key, kind in expected.items()) and all(
         isinstance(outcome.start, str) and isinstance(outcome.reason, str)

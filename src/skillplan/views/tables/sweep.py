@@ -56,8 +56,8 @@ def tabulate_settings(result: SweepResult) -> Table:
                 _format_percent(every.arrived_share),
                 "-" if every.best is None else str(every.best),
                 _format_percent(every.best_share),
-                _format_plus_minus(every.excess, decimals),
-                _format_plus_minus(every.learning_s, 3),
+                _format_plus_minus(every.excess, decimals, every.arrived),
+                _format_plus_minus(every.learning_s, 3, every.runs),
             ]
         )
     title = f"{plan.name}: {plan.solver}, {_describe_shape(result)}"
@@ -124,7 +124,8 @@ def _write_notes(result: SweepResult) -> list[str]:
         f"optimum    {', '.join(optima)}{unit}, proved by exact search",
         "excess     mean cost above the optimum, summed over the starts, of the runs that arrive "
         "from all",
-        "intervals  95 %: Wilson for shares, Student's t over the runs for means",
+        "intervals  95 %: Wilson for shares, Student's t for means of 3 runs or more; of fewer the "
+        "table gives their number n",
     ]
     if plan.design == ONE_AT_A_TIME and plan.axes:
         notes.append(f"centre     {format_setting(plan.centre)}")
@@ -181,12 +182,12 @@ def _format_percent(estimate: Estimate | None) -> str:
     return f"{100 * estimate.low:.0f} to {100 * estimate.high:.0f} %"
 
 
-def _format_plus_minus(estimate: Estimate | None, decimals: int) -> str:
+def _format_plus_minus(estimate: Estimate | None, decimals: int, runs: int) -> str:
     if estimate is None:
         return "-"
     text = f"{estimate.value:.{decimals}f}"
     if estimate.high is None:
-        return text
+        return text if runs == 1 else f"{text} (n = {runs})"
     return f"{text} ± {estimate.high - estimate.value:.{decimals}f}"
 
 
