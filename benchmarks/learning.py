@@ -7,12 +7,10 @@ Stable-Baselines3's defaults in as many processes, and with its setting of equal
 Its runs learn one after another, `dqn`'s in groups of five, as in `skillplan train`. Budgets:
 twice its steps per second with the defaults of both, 3 times at equal updates.
 
-Stable-Baselines3, and sb3-contrib for ``--boards``, are not dependencies of the project: they are
-installed into a separate folder, and share torch and Gymnasium with this interpreter.
+Stable-Baselines3 is not a dependency of the project: it is installed into a separate folder, and
+shares torch and Gymnasium with this interpreter. `learning_table` compares what learners reach.
 
 Run from the repository: ``python benchmarks/learning.py [--steps N] [--rounds N] [--folder DIR]``.
-``--boards`` evaluates learners on random boards (`learning_boards`), ``--ablation`` the options of
-`dqn` (`learning_ablation`).
 """
 
 from __future__ import annotations
@@ -32,9 +30,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import learning_ablation
-import learning_baselines
-import learning_boards
+import learning_table
 
 BASELINE = "stable-baselines3"
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
@@ -134,20 +130,12 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=5_000, help="environment steps of a run")
     parser.add_argument("--rounds", type=int, default=2, help="how often the settings take turns")
     parser.add_argument("--folder", type=Path, help=f"where {BASELINE} is, or is installed")
-    learning_boards.add_options(parser)
-    learning_ablation.add_options(parser)
     args = parser.parse_args()
-    if args.ablation:
-        learning_ablation.show(args)
-        return
     if args.steps < LEAST_STEPS or args.rounds < 1:
         parser.error(f"it takes at least {LEAST_STEPS:,} steps and 1 round")
     with ExitStack() as stack:
         folder = args.folder or Path(stack.enter_context(TemporaryDirectory()))
-        if args.boards:
-            learning_boards.show(args, folder)
-            return
-        learning_baselines.install(folder, learning_baselines.PACKAGES[:1])
+        learning_table.install(folder, learning_table.SB3_PACKAGES[:1])
         rounds: list[list[list[Share]]] = []
         for number in range(args.rounds):
             rounds.append(

@@ -225,24 +225,36 @@ class TestPublished:
 
 
 class TestTable:
-    def test_a_row_says_what_table_iii_says_and_the_paper_beside_it(self, board):
+    def test_a_row_says_what_table_iii_says_and_no_run_is_paired_with_one_of_the_paper(self, board):
         (table,) = tabulate_training(a_result(board, a_run(), a_run(1, 1.8801202), a_run(2, None)))
         cells = [dict(zip((c.heading for c in table.columns), r, strict=True)) for r in table.rows]
         assert ["0,1", "0,1", "N/A"] == [row["sequence"] for row in cells]
         assert ["1.86709", "1.88012", "N/A"] == [row["distance [m]"] for row in cells]
         assert ["0.00 %", "0.70 %", "N/A"] == [row["deviation"] for row in cells]
-        assert ["1.880", "N/A", "1.867"] == [row["paper [m]"] for row in cells]
-        assert ["0.70 %", "N/A", "0.00 %"] == [row["paper dev."] for row in cells]
-
-    def test_more_runs_than_the_papers_have_nothing_beside_them(self, board):
-        (table,) = tabulate_training(a_result(board, *(a_run(i) for i in range(12))))
-        assert ("-", "-") == tuple(table.rows[11][-2:])
-
-    def test_another_task_has_no_column_of_the_paper(self):
-        other = load_problem(CONFIGS / "motor_drive.yaml").task
-        (table,) = tabulate_training(a_result(other, a_run()))
         assert not any("paper" in column.heading for column in table.columns)
-        assert not any("Moller" in note for note in table.notes)
+
+    def test_only_the_papers_task_has_a_note_on_the_paper(self, board):
+        other = load_problem(CONFIGS / "motor_drive.yaml").task
+        noted = [
+            any("Moller" in note for note in tabulate_training(a_result(task, a_run()))[0].notes)
+            for task in (board, other)
+        ]
+        assert [True, False] == noted
+
+    def test_seeds_of_a_planner_get_no_interval(self, board):
+        """Their episodes were planned with a learned model; runs that explored are a sample."""
+        for explores in (False, True):
+            record = TrainingRecord(500, planned=9, settled_step=400, explores=explores)
+            runs = [
+                a_run(i, cost, training=record) for i, cost in enumerate((BEST, BEST, 1.8801202))
+            ]
+            result = a_result(board, *runs)
+            text = render_markdown(tabulate_training(result)[0])
+            document = result.document()
+            for key in ("completion", "deviation_iqm", "cost_iqm"):
+                assert (document[key]["ci95"] is None) is not explores, key
+            assert ("seeds of a planner are no sample" in text) is not explores
+            assert ("interquartile mean 0.23 % (95 %" in text) is explores
 
     def test_below_stand_optimum_counts_intervals_and_what_failed(self, board):
         record = TrainingRecord(20_000, Tally(5, 50), Tally(3, 4), 900, 1.9)

@@ -510,6 +510,16 @@ class TrainingResult:
         return f"{self.solver}{MODEL_BASED if self.options.get('planning') else ''}"
 
     @property
+    def planned(self) -> bool:
+        """True if runs planned their episodes with a learned model.
+
+        Their plans depend little on the seed, so costs of several seeds are no sample and get no
+        interval.
+        """
+        records = [run.training for run in self.outcomes if run.training is not None]
+        return any(record.planned and not record.explores for record in records)
+
+    @property
     def success(self) -> Tally:
         """Episodes of all runs together: sampled ones, or else the last of the training."""
         return sum((outcome.tally for outcome in self.outcomes), Tally())
@@ -541,8 +551,11 @@ class TrainingResult:
 
     @property
     def completion(self) -> Estimate | None:
-        """Share of runs that complete the task, with Wilson's interval; None without runs."""
-        return share(self.completed, len(self.outcomes))
+        """Share of runs that complete the task; None without runs.
+
+        It has Wilson's interval unless the runs planned.
+        """
+        return self._over_runs(share(self.completed, len(self.outcomes)))
 
     @property
     def failed(self) -> list[RunOutcome]:
@@ -583,20 +596,23 @@ class TrainingResult:
     @property
     def deviation_iqm(self) -> Estimate | None:
         """Interquartile mean of the deviations of complete runs."""
-        return interquartile_mean(self.deviations)
+        return self._over_runs(interquartile_mean(self.deviations))
 
     @property
     def cost_iqm(self) -> Estimate | None:
         """Interquartile mean of the costs of complete runs."""
-        return interquartile_mean(
-            [outcome.cost for outcome in self.outcomes if outcome.cost is not None]
-        )
+        costs = [outcome.cost for outcome in self.outcomes if outcome.cost is not None]
+        return self._over_runs(interquartile_mean(costs))
 
     @property
     def success_iqm(self) -> Estimate | None:
         """Interquartile mean of the success rates of all runs that have one."""
         rates = [outcome.tally.rate for outcome in self.outcomes]
-        return interquartile_mean([rate for rate in rates if rate is not None])
+        return self._over_runs(interquartile_mean([rate for rate in rates if rate is not None]))
+
+    def _over_runs(self, estimate: Estimate | None) -> Estimate | None:
+        """Return an estimate over the runs, without its interval if they planned."""
+        return Estimate(estimate.value) if estimate is not None and self.planned else estimate
 
     @property
     def published(self) -> tuple[PublishedRun, ...]:

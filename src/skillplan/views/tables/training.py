@@ -178,7 +178,7 @@ _MOST_RUNS = 10
 
 
 def tabulate_training(result: TrainingResult) -> list[Table]:
-    """Return a row for every run, with published results if the task is the paper's."""
+    """Return a row for every run; a note names published results if the task is the paper's."""
     metric = result.task.metric
     cost = metric.heading
     chance = result.chance
@@ -190,9 +190,7 @@ def tabulate_training(result: TrainingResult) -> list[Table]:
     if result.sampling is not None:
         columns.append(Column("in training", right=True))
     columns += [Column(seen, right=True), Column("first at step", right=True)]
-    if result.published:
-        columns += [Column("paper [m]", right=True), Column("paper dev.", right=True)]
-    rows = [_make_row(result, *entry) for entry in enumerate(result.outcomes)]
+    rows = [_make_row(result, outcome) for outcome in result.outcomes]
     runs = count(len(result.outcomes), "run")
     title = f"{result.task.name}: {runs} of {result.learner}, {result.steps:,} steps each"
     for key in ("observation", "mask"):
@@ -208,7 +206,7 @@ def tabulate_training(result: TrainingResult) -> list[Table]:
     )
 
 
-def _make_row(result: TrainingResult, index: int, outcome: RunOutcome) -> list[str]:
+def _make_row(result: TrainingResult, outcome: RunOutcome) -> list[str]:
     decimals, greedy = result.task.metric.decimals, outcome.greedy
     shown = greedy is not None and greedy.complete
     sequence = NONE if greedy is None or not shown else ",".join(map(str, greedy.actions))
@@ -223,14 +221,6 @@ def _make_row(result: TrainingResult, index: int, outcome: RunOutcome) -> list[s
         format_number(outcome.best_cost_seen, decimals),
         "-" if first is None else f"{first:,}",
     ]
-    if result.published:
-        theirs = result.published[index] if index < len(result.published) else None
-        if theirs is None:
-            cells += ["-", "-"]
-        elif theirs.cost is None:
-            cells += [NONE, NONE]
-        else:
-            cells += [format_number(theirs.cost, 3), format_percent(theirs.deviation)]
     return cells
 
 
@@ -279,6 +269,8 @@ def _describe_plans(result: TrainingResult) -> list[str]:
         if steps:
             last = f" to {steps[-1]:,}" if steps[-1] != steps[0] else ""
             note += f" after {steps[0]:,}{last} steps"
+        if result.planned and len(records) > 1:
+            note += "; seeds of a planner are no sample, so their costs get no interval"
         notes.append(note)
     explores = sum(record.explores for record in records)
     if explores:
