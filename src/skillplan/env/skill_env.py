@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -15,6 +15,14 @@ from skillplan.env.observation import (
     check_name,
     list_allowed_actions,
     read_start,
+)
+from skillplan.env.rendering import (
+    FRAMES_PER_S,
+    Frame,
+    Window,
+    check_render_mode,
+    list_render_modes,
+    paint_frame,
 )
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill
@@ -52,7 +60,8 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
     objective
         ``reward`` or ``cost``: see `RewardFunction`.
     render_mode
-        None, or ``ansi`` for one line of text.
+        None, ``ansi`` for one line of text, ``rgb_array`` for an image, shape (480, 640, 3), or
+        ``human`` for a window, which every reset and step renews.
 
     Attributes
     ----------
@@ -65,7 +74,10 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         If a name is unknown.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi"], "render_fps": 1}  # type: ignore[misc]
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": ["ansi", "human", "rgb_array"],
+        "render_fps": FRAMES_PER_S,
+    }
 
     def __init__(
         self,
@@ -77,7 +89,9 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         render_mode: str | None = None,
     ) -> None:
         self.model = model
-        self.render_mode = render_mode
+        self.render_mode = check_render_mode(render_mode)
+        self.metadata = {**self.metadata, "render_modes": list_render_modes()}
+        self._window = Window()
         self._observation = Observation.of(model.task, observation)
         self._mask: MaskKind = check_name("mask", mask, MaskKind)
         self._reward_function = RewardFunction.of(model.task, objective)
@@ -116,6 +130,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         super().reset(seed=seed)
         self._state, self._steps, self._cost = start, 0, 0.0
         self._last, self._over = "", False
+        self._show()
         return self._observation.encode(self._state), self._info()
 
     def step(self, action: np.int64 | int) -> tuple[Features, float, bool, bool, dict[str, Any]]:
@@ -163,6 +178,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         self._steps += 1
         if not verdict.is_feasible:
             self._over = True
+            self._show()
             info = {**self._info(), **explanation}
             return (
                 self._observation.encode(before),
@@ -177,18 +193,35 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         goal = self.model.is_goal(self._state)
         late = not goal and self._steps >= self.model.step_limit
         self._over = goal or late
+        self._show()
         reward = self._reward_function.of_step(
             before, skill.name, cost, goal=goal, out_of_time=late
         )
         info = {**self._info(), **explanation, "cost": cost}
         return self._observation.encode(self._state), float(reward), goal, late, info
 
-    def render(self) -> str | None:
-        """Return a line about the present state, or None without a render mode."""
-        if self.render_mode is None:
-            return None
+    def render(self) -> str | Frame | None:
+        """Return a line of text or an image of the present state.
+
+        Returns None without a render mode, and with ``human``, for which it renews the window.
+
+        Raises
+        ------
+        gymnasium.error.DependencyNotInstalled
+            If the mode is ``human`` and pygame is not installed.
+        OptionError
+            If the mode is ``human`` and no window can be opened.
+        """
         cost = self.model.task.cost_text(self._cost)
-        return f"step {self._steps}, {cost}{self._last}; {self._state}"
+        caption = f"step {self._steps}, {cost}{self._last}"
+        if self.render_mode == "ansi":
+            return f"{caption}; {self._state}"
+        if self.render_mode == "rgb_array":
+            return paint_frame(self.model.task, self._state, caption)
+        if self.render_mode == "human":
+            frame = paint_frame(self.model.task, self._state, caption)
+            self._window.show([frame], self.model.task.name)
+        return None
 
     def action_masks(self) -> NDArray[np.int8]:
         """Return ``action_mask`` of the present state, as MaskablePPO of sb3-contrib calls it."""
@@ -197,8 +230,13 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         return mask
 
     def close(self) -> None:
-        """End the worker processes of back ends."""
+        """Close the window, and end the worker processes of back ends."""
+        self._window.close()
         self.model.feasibility.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.render()
 
     def _info(self) -> dict[str, Any]:
         return {"state": list(self._state), "action_mask": self.action_masks(), "cost": 0.0}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -19,6 +19,14 @@ from skillplan.env.observation import (
     RewardFunction,
     check_name,
     read_start,
+)
+from skillplan.env.rendering import (
+    FRAMES_PER_S,
+    Frame,
+    Window,
+    check_render_mode,
+    list_render_modes,
+    paint_frame,
 )
 from skillplan.env.transition_table import OUT_OF_TIME, TransitionTable
 from skillplan.errors import OptionError
@@ -163,6 +171,9 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         without back ends; ``feasible`` skills that back ends allow, too.
     objective
         ``reward`` or ``cost``: see `RewardFunction`.
+    render_mode
+        None; ``ansi`` or ``rgb_array`` for a line of text or an image of every sub-environment; or
+        ``human`` for a window with all of them.
 
     Attributes
     ----------
@@ -177,9 +188,10 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         If the models are empty, or `num_envs` is below 1.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+    metadata: dict[str, Any] = {  # noqa: RUF012
         "autoreset_mode": AutoresetMode.SAME_STEP,
-        "render_modes": [],
+        "render_modes": ["ansi", "human", "rgb_array"],
+        "render_fps": FRAMES_PER_S,
     }
 
     def __init__(
@@ -190,6 +202,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         observation: str = "markov",
         mask: str = "applicable",
         objective: str = "reward",
+        render_mode: str | None = None,
     ) -> None:
         self.models = (models,) if isinstance(models, SkillModel) else tuple(models)
         if not self.models or num_envs < 1:
@@ -198,6 +211,9 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         tasks = [model.task for model in self.models]
         observations = make_family_observations(tasks, observation)
         self.num_envs = num_envs
+        self.render_mode = check_render_mode(render_mode)
+        self.metadata = {**self.metadata, "render_modes": list_render_modes()}
+        self._window = Window()
         self.features = observations[0].features
         self.single_observation_space = observations[0].space
         self.single_action_space = gymnasium.spaces.Discrete(len(tasks[0].skills))
@@ -209,6 +225,8 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         self._generators: list[np.random.Generator] = []
         self._at = np.full(num_envs, -1, dtype=np.int64)
         self._steps = np.zeros(num_envs, dtype=np.int64)
+        # Actions and ends of the last step, for captions.
+        self._last: tuple[NDArray[np.int64], NDArray[np.int8]] | None = None
 
     def reset(
         self,
@@ -254,6 +272,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         if seed is not None or not self._generators:
             self._generators = [seeding.np_random(entry)[0] for entry in seeds]
         self._begin(np.ones(self.num_envs, dtype=np.bool_), starts)
+        self._last = None
         return self._first_look()
 
     def step(
@@ -308,6 +327,9 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         if np.count_nonzero(over):
             self._at = following.copy()
             self._begin(over, self._starts)
+        self._last = chosen, ends
+        if self.render_mode == "human":
+            self.render()
         infos: Infos = {
             "action_mask": self.action_masks(),
             "cost": table.costs[outcomes],
@@ -332,6 +354,48 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         """
         self._check_begun()
         return self._table.masks[self._at].view(np.int8)
+
+    def render(self) -> tuple[str | Frame, ...] | None:
+        """Return a line of text or an image of every sub-environment.
+
+        An image has shape (480, 640, 3). Returns None without a render mode, and with ``human``,
+        for which it renews the window.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If the environment was not reset.
+        gymnasium.error.DependencyNotInstalled
+            If the mode is ``human`` and pygame is not installed.
+        OptionError
+            If the mode is ``human`` and no window can be opened.
+        """
+        if self.render_mode is None:
+            return None
+        self._check_begun()
+        states = [self._table.state(number) for number in self._at.tolist()]
+        captions = [self._caption(place) for place in range(self.num_envs)]
+        if self.render_mode == "ansi":
+            return tuple(
+                f"{caption}; {state}" for caption, state in zip(captions, states, strict=True)
+            )
+        tasks = [self.models[index].task for index in self._table.model_of[self._at].tolist()]
+        frames = tuple(map(paint_frame, tasks, states, captions))
+        if self.render_mode == "rgb_array":
+            return frames
+        self._window.show(frames, tasks[0].name)
+        return None
+
+    def _caption(self, place: int) -> str:
+        """Return the number of the step and the last skill, or how the last episode ended."""
+        caption = f"step {self._steps[place]}"
+        if self._last is None:
+            return caption
+        actions, ends = self._last
+        skill = self.models[0].task.skills[int(actions[place])].name
+        reason = ("", ", which completed it", ", which was infeasible", ", out of time")
+        end = int(ends[place])
+        return f"{caption}; {skill}" if not end else f"{caption}; before: {skill}{reason[end]}"
 
     def state(self) -> dict[str, Any]:
         """Return the state of all sub-environments as JSON values, for `restore`.
@@ -388,10 +452,12 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         self._at = np.array(numbers, dtype=np.int64)
         self._steps = np.array([record.steps for record in records], dtype=np.int64)
         self._generators = [record.generator for record in records]
+        self._last = None
         return self._first_look()
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the worker processes of back ends."""
+        """Close the window, and end the worker processes of back ends."""
+        self._window.close()
         for model in self.models:
             model.feasibility.close()
 
@@ -407,6 +473,8 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         self._table.observe(self._at)
 
     def _first_look(self) -> tuple[Features, Infos]:
+        if self.render_mode == "human":
+            self.render()
         table = self._table
         table.observe(self._at)
         observed, allowed = table.features[self._at], self.action_masks()

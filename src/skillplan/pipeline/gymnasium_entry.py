@@ -74,6 +74,7 @@ def make_vector_env(
     observation: str = "markov",
     mask: str = "applicable",
     objective: str = "reward",
+    render_mode: str | None = None,
 ) -> SkillVectorEnv:
     """Return a vector environment, in which several episodes of a task run side by side.
 
@@ -83,7 +84,7 @@ def make_vector_env(
         Number of episodes, >= 1.
     task, part, physics, collision, options
         As in `make_env`, which raises the same errors.
-    observation, mask, objective
+    observation, mask, objective, render_mode
         As in `SkillVectorEnv`.
     """
     return SkillVectorEnv(
@@ -92,6 +93,7 @@ def make_vector_env(
         observation=observation,
         mask=mask,
         objective=objective,
+        render_mode=render_mode,
     )
 
 
