@@ -401,6 +401,7 @@ LEAST_LINES = 120
 SMALL_MODULES = {
     "skillplan.cli.back_end_comparison": "loaded if `compare` has engines or detectors only",
     "skillplan.domains.assembly.layout_family": "a subject of its own: random layouts",
+    "skillplan.env.sb3_vec_env": "loaded by users of Stable-Baselines3 only",
     "skillplan.env.skill_env": "the public environment",
     "skillplan.pipeline.gymnasium_entry": "named in the registry of Gymnasium",
     "skillplan.solvers.learned_model.outcome_table": "a data structure; its importer is the solver",

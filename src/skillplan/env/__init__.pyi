@@ -1,5 +1,6 @@
 from .observation import Observation as Observation
 from .observation import RewardFunction as RewardFunction
+from .sb3_vec_env import Sb3VecEnv as Sb3VecEnv
 from .skill_env import SkillEnv as SkillEnv
 from .skill_vector_env import SkillVectorEnv as SkillVectorEnv
 from .transition_table import COMPLETE as COMPLETE
@@ -16,6 +17,7 @@ __all__ = [
     "OUT_OF_TIME",
     "Observation",
     "RewardFunction",
+    "Sb3VecEnv",
     "SkillEnv",
     "SkillVectorEnv",
 ]
