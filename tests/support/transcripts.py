@@ -6,7 +6,8 @@ A page is a Markdown file. These of its fences take part, in the order of the pa
   ``...`` stands for any lines. With ``slow`` behind it, only ``make test-all`` runs it.
 - any language with ``file=NAME`` behind it: the fence is written to that file.
 - ``python run``: is executed, all of a page in one namespace; a fence ``text output`` right after
-  it is what it prints. With ``needs=MODULE`` behind it, only if the module is installed.
+  it is what it prints. With ``needs=MODULE`` behind it, only if the module is installed; with
+  ``slow``, as a console.
 """
 
 import contextlib
@@ -114,7 +115,8 @@ class Session:
             elif fence.language == "console" and (self.with_slow or not fence.slow):
                 body = self._console(body)
             elif fence.language == "python" and "run" in fence.words:
-                printed = executed(body, namespace) if fence.executable else None
+                runs = fence.executable and (self.with_slow or not fence.slow)
+                printed = executed(body, namespace) if runs else None
             elif fence.words == ["output"] and printed is not None:
                 body = self._held(body.splitlines()[0], body, printed)
             pieces += [text[done : fence.start], body]

@@ -94,6 +94,7 @@ from .multiagent.joint_search import search_jointly as search_jointly
 from .multiagent.multi_agent import Move as Move
 from .multiagent.multi_agent import MultiAgentProblem as MultiAgentProblem
 from .multiagent.multi_agent import NotMultiAgent as NotMultiAgent
+from .multiagent.parallel_env import FleetParallelEnv as FleetParallelEnv
 from .pkm.kinematics import Matrix as Matrix
 from .pkm.kinematics import OutsideWorkspace as OutsideWorkspace
 from .pkm.kinematics import PkmGeometry as PkmGeometry
@@ -166,6 +167,7 @@ __all__ = [
     "Direction",
     "Element",
     "FiveStep",
+    "FleetParallelEnv",
     "FleetSolver",
     "FleetSwing",
     "FleetViolation",
