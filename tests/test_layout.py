@@ -405,6 +405,7 @@ SMALL_MODULES = {
     "skillplan.env.skill_env": "the public environment",
     "skillplan.pipeline.gymnasium_entry": "named in the registry of Gymnasium",
     "skillplan.solvers.learned_model.outcome_table": "a data structure; its importer is the solver",
+    "skillplan.views.figures.profile_figure": "one module for each figure",
     "skillplan_optuna.journal_file": "checks a file; the sampler chooses settings",
     "skillplan_ortools.watched_search": "the only module that imports OR-Tools",
     "skillplan_pinocchio.timing.toppra_problem": "the only import of toppra, if needed",

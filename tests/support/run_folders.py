@@ -78,6 +78,7 @@ def write_runs(
     steps: int = STEPS,
     done: int | None = None,
     copy: bool = False,
+    epsilon_end: float | None = None,
 ) -> Path:
     """Write a folder of runs, each of which has learned to take a sequence.
 
@@ -95,6 +96,8 @@ def write_runs(
         Asked, and done; all by default.
     copy
         Whether the user's file is a copy beside the folder, which a test may change.
+    epsilon_end
+        Share of random actions at the end of the training; None for a learner without them.
     """
     path.mkdir(parents=True)
     if copy:
@@ -102,6 +105,8 @@ def write_runs(
     problem = problem_of(task_file, Path(task_file).read_bytes())
     task, setup = problem.task, Setup()
     options = {"steps": steps, "observation": observation, "mask": mask, "objective": "reward"}
+    if epsilon_end is not None:
+        options["epsilon_end"] = epsilon_end
     manifest = RunManifest(
         task=TaskReference(
             name=problem.name,

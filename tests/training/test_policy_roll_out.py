@@ -13,7 +13,7 @@ from run_folders import HOPELESS, OPTIMAL, SWITCHED, lookup_network
 from skillplan.env import Observation, SkillVectorEnv
 from skillplan.model import SkillModel
 from skillplan.pipeline import Setup, load_problem, make_model
-from skillplan.solvers import NetworkPolicy, Stop
+from skillplan.solvers import ActionRule, NetworkPolicy, Stop
 from skillplan.task import Task
 from skillplan.training import (
     measure_random_baseline,
@@ -66,16 +66,36 @@ class TestGreedy:
         assert "after 20 skills the goal is not reached" in rolled.reason
 
 
+def softmax(temperature: float) -> ActionRule:
+    return ActionRule("softmax", temperature)
+
+
 class TestSampled:
+    def test_epsilon_is_the_share_of_random_actions(self, board):
+        """0 is greedy, and 1 is chance alone; 1 of 10 leaves the way, which mostly goes on."""
+        network = lookup_network(board, "markov", OPTIMAL)
+        rates = [
+            sample_roll_outs(
+                an_env(board, 500), network, 500, 3, ActionRule("epsilon-greedy", epsilon)
+            ).rate
+            for epsilon in (0.0, 0.1, 1.0)
+        ]
+        assert 1.0 == rates[0] > rates[1] > 0.1 > rates[2]
+
+    def test_a_rule_out_of_range_is_refused(self):
+        for rule in (("softmax", 0.0), ("epsilon-greedy", 1.5)):
+            with pytest.raises(ValueError, match="out of range"):
+                ActionRule(*rule)
+
     def test_a_cold_policy_does_the_same_every_time(self, board):
         network = lookup_network(board, "markov", SWITCHED)
-        tally = sample_roll_outs(an_env(board), network, 120, 3, 0.01)
+        tally = sample_roll_outs(an_env(board), network, 120, 3, softmax(0.01))
         assert (120, 120) == (tally.successes, tally.episodes)
 
     def test_a_hot_policy_is_chance_alone(self, board):
         """As often as the random baseline, within what 2,000 episodes tell."""
         network = lookup_network(board, "markov", OPTIMAL)
-        hot = sample_roll_outs(an_env(board, 1_000), network, 2_000, 3, 1e6)
+        hot = sample_roll_outs(an_env(board, 1_000), network, 2_000, 3, softmax(1e6))
         chance = measure_random_baseline(an_env(board, 1_000), 2_000, 4)
         assert hot.rate is not None
         assert chance.tally.rate is not None
@@ -85,7 +105,7 @@ class TestSampled:
     def test_the_seed_decides(self, board):
         network = lookup_network(board, "markov", OPTIMAL)
         first, again, other = (
-            sample_roll_outs(an_env(board), network, 50, seed, 0.4) for seed in (1, 1, 2)
+            sample_roll_outs(an_env(board), network, 50, seed, softmax(0.4)) for seed in (1, 1, 2)
         )
         assert first == again
         assert 0 < first.successes < 50
@@ -95,7 +115,11 @@ class TestSampled:
         """More episodes than places: of every place one at a time, whatever its length."""
         rates = [
             sample_roll_outs(
-                an_env(board, places), lookup_network(board, "markov", OPTIMAL), 1_500, 5, 0.4
+                an_env(board, places),
+                lookup_network(board, "markov", OPTIMAL),
+                1_500,
+                5,
+                softmax(0.4),
             ).rate
             for places in (30, 1_500)
         ]
@@ -103,7 +127,9 @@ class TestSampled:
 
     def test_there_is_at_least_one_episode(self, board):
         with pytest.raises(ValueError, match="at least one episode"):
-            sample_roll_outs(an_env(board), lookup_network(board, "markov", "0"), 0, 0, 1.0)
+            sample_roll_outs(
+                an_env(board), lookup_network(board, "markov", "0"), 0, 0, softmax(1.0)
+            )
 
 
 class TestBaseline:

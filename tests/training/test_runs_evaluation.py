@@ -36,6 +36,30 @@ def test_every_run_is_followed_greedily_and_by_chance(tmp_path):
     ]
 
 
+def test_success_is_greedy_and_by_the_policies_own_rule(tmp_path):
+    """Epsilon-greedy with the final epsilon of the options, unless a temperature is requested."""
+    path = write_runs(tmp_path / "runs", BOARD, [OPTIMAL, HOPELESS], epsilon_end=0.5)
+    own = evaluated(path, drawn=Sampling(40, None, 0))
+    assert ("epsilon-greedy", 0.5) == (own.sampling.rule.kind, own.sampling.rule.value)
+    assert [Tally(1, 1), Tally(0, 1)] == [item.greedy_tally for item in own.outcomes]
+    assert 0 < own.outcomes[0].sampled.successes < 40
+    assert Tally(1, 2) == own.greedy_success
+    document = own.document()
+    assert (0.5, 0.5, None) == (
+        document["greedy_success_rate"],
+        document["sampling"]["epsilon"],
+        document["sampling"]["temperature"],
+    )
+    assert "temperature 0.01" == evaluated(path).sampling.rule.words
+
+
+def test_under_chance_greedy_success_is_of_as_many_roll_outs(tmp_path):
+    grasps = str(CONFIGS / "inverter_grasps.yaml")
+    path = write_runs(tmp_path / "runs", grasps, [OPTIMAL])
+    (item,) = evaluated(path, grasps, Sampling(30, None, 0)).outcomes
+    assert 30 == item.greedy_tally.episodes == item.sampled.episodes
+
+
 def test_a_run_does_not_depend_on_those_beside_it(tmp_path):
     drawn = Sampling(60, 0.4, 3)
     alone = evaluated(write_runs(tmp_path / "one", BOARD, [OPTIMAL]), drawn=drawn)

@@ -622,6 +622,20 @@ class TestOptions:
         with pytest.raises(OptionError, match="planning=true: plans need one task without chance"):
             learner(options).derived([load_problem(CONFIGS / f"{config}.yaml").task])
 
+    @pytest.mark.parametrize("learner", [DqnSolver, PpoSolver])
+    def test_imitation_under_chance_is_refused(self, learner):
+        """Its cheapest episode was lucky, and is not imitated; the manifest would say otherwise."""
+        task = load_problem(CONFIGS / "inverter_grasps.yaml").task
+        with pytest.raises(OptionError, match=r"imitation=1: .* Leave imitation out"):
+            learner(learner.Options(imitation=1.0)).derived([task])
+
+    @pytest.mark.parametrize(
+        ("learner", "rule"),
+        [(DqnSolver, ("epsilon-greedy", 0.01)), (PpoSolver, ("softmax", 1.0))],
+    )
+    def test_a_policy_acts_as_at_the_end_of_its_training(self, learner, rule):
+        assert rule == (learner().own_rule.kind, learner().own_rule.value)
+
     @pytest.mark.parametrize(
         ("learner", "legacy"),
         [

@@ -11,9 +11,13 @@ from .execution.comparisons import make_detectors_document as make_detectors_doc
 from .execution.simulation import PlannedTimes as PlannedTimes
 from .execution.simulation import Simulation as Simulation
 from .interval import Estimate as Estimate
+from .interval import Profile as Profile
 from .interval import interquartile_mean as interquartile_mean
 from .interval import mean as mean
+from .interval import performance_profile as performance_profile
+from .interval import probability_of_improvement as probability_of_improvement
 from .interval import share as share
+from .interval import stratified_iqm as stratified_iqm
 from .interval import t_quantile as t_quantile
 from .questions import DerivedOrder as DerivedOrder
 from .questions import make_chart_document as make_chart_document
@@ -48,6 +52,9 @@ from .task_difference import Difference as Difference
 from .task_difference import describe_changes as describe_changes
 from .task_difference import differences as differences
 from .task_difference import resolve_config as resolve_config
+from .training.method_comparison import MethodComparison as MethodComparison
+from .training.method_comparison import compare_methods as compare_methods
+from .training.method_comparison import make_trainings_document as make_trainings_document
 from .training.network_policy_file import read_network as read_network
 from .training.network_policy_file import write_network as write_network
 from .training.published_runs import TABLE_III as TABLE_III
@@ -107,10 +114,12 @@ __all__ = [
     "GroupProgress",
     "LayoutOutcome",
     "LayoutsResult",
+    "MethodComparison",
     "Optimum",
     "Origin",
     "Outcome",
     "PlannedTimes",
+    "Profile",
     "RandomBaseline",
     "Result",
     "RunFolder",
@@ -140,6 +149,7 @@ __all__ = [
     "Verdict",
     "analyse_shortfall",
     "check_finished",
+    "compare_methods",
     "describe_changes",
     "differences",
     "find_decisive",
@@ -157,14 +167,18 @@ __all__ = [
     "make_chart_document",
     "make_detectors_document",
     "make_policy_document",
+    "make_trainings_document",
     "mean",
     "parse_metrics",
     "parse_record",
+    "performance_profile",
+    "probability_of_improvement",
     "read_metrics",
     "read_network",
     "read_policy",
     "resolve_config",
     "share",
+    "stratified_iqm",
     "summarise_training",
     "t_quantile",
     "tolerance",

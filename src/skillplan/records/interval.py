@@ -24,7 +24,7 @@ class Estimate:
     Parameters
     ----------
     low, high
-        The interval; None if there are too few runs.
+        The interval; None if there are too few runs, or runs are no samples.
 
     Raises
     ------
@@ -43,6 +43,11 @@ class Estimate:
             slack = 1e-9 * max(1.0, abs(self.value))
             if not self.low - slack <= self.value <= self.high + slack:
                 raise ValueError(f"{self.value} lies outside [{self.low}, {self.high}].")
+
+    @property
+    def bare(self) -> Estimate:
+        """The figure without its interval, for runs that are no samples."""
+        return Estimate(self.value)
 
     def document(self) -> dict[str, Any]:
         """Return the figure as JSON values."""
@@ -112,8 +117,151 @@ def interquartile_mean(values: Sequence[float]) -> Estimate | None:
     if count < _FEWEST:
         return Estimate(value)
     draws = np.random.Generator(np.random.PCG64(count)).integers(count, size=(_RESAMPLES, count))
-    middles = np.sort(runs[draws], axis=1)[:, cut : count - cut].mean(axis=1)
-    low, high = np.quantile(middles, [1 - _TAIL, _TAIL])
+    return _with_quantiles(value, np.sort(runs[draws], axis=1)[:, cut : count - cut].mean(axis=1))
+
+
+Strata = Sequence[Sequence[float]]
+"""Scores of the runs of a method, one sequence for every task; higher is better."""
+
+
+def stratified_iqm(strata: Strata) -> Estimate | None:
+    """Return the interquartile mean of the scores of all runs on all tasks; None without runs.
+
+    Agarwal et al. (2021), section 4: a quarter of all scores, rounded down, is left out at either
+    end. The bootstrap draws runs within each task. Fewer than three runs give no interval.
+    """
+    if not any(len(scores) for scores in strata):
+        return None
+    import numpy as np
+
+    pooled = np.sort(np.concatenate([np.asarray(scores, dtype=np.float64) for scores in strata]))
+    cut = len(pooled) // 4
+    value = float(pooled[cut : len(pooled) - cut].mean())
+    if not _suffice(strata):
+        return Estimate(value)
+    middles = np.sort(np.hstack(_resample(strata)), axis=1)[:, cut : len(pooled) - cut]
+    return _with_quantiles(value, middles.mean(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Shares of runs whose score is above each threshold, with pointwise 95 % intervals.
+
+    Parameters
+    ----------
+    thresholds
+        Ascending scores tau.
+    shares
+        Share of the scores above each threshold, in [0, 1].
+    low, high
+        Ends of the intervals; None if there are too few runs.
+    """
+
+    thresholds: tuple[float, ...]
+    shares: tuple[float, ...]
+    low: tuple[float, ...] | None = None
+    high: tuple[float, ...] | None = None
+
+    def document(self) -> dict[str, Any]:
+        """Return the profile as JSON values."""
+        return {
+            "tau": list(self.thresholds),
+            "share": list(self.shares),
+            "low": None if self.low is None else list(self.low),
+            "high": None if self.high is None else list(self.high),
+        }
+
+
+def performance_profile(strata: Strata, thresholds: Sequence[float]) -> Profile:
+    """Return the performance profile of a method: Agarwal et al. (2021), section 4.2.
+
+    Parameters
+    ----------
+    strata
+        At least one score.
+    """
+    import numpy as np
+
+    taus = np.asarray(thresholds, dtype=np.float64)
+
+    def shares_above(scores: Any) -> Any:
+        ranked = np.sort(scores)
+        return 1.0 - np.searchsorted(ranked, taus, side="right") / len(ranked)
+
+    every = np.concatenate([np.asarray(scores, dtype=np.float64) for scores in strata])
+    shares = tuple(shares_above(every).tolist())
+    if not _suffice(strata):
+        return Profile(tuple(thresholds), shares)
+    # A tenth of the resamples draws the same band.
+    draws = np.hstack(_resample(strata, _RESAMPLES // 10))
+    low, high = np.quantile(np.apply_along_axis(shares_above, 1, draws), [1 - _TAIL, _TAIL], axis=0)
+    return Profile(
+        tuple(thresholds),
+        shares,
+        tuple(np.minimum(low, shares).tolist()),
+        tuple(np.maximum(high, shares).tolist()),
+    )
+
+
+def probability_of_improvement(first: Strata, second: Strata) -> Estimate:
+    """Return the probability that a run of the first method scores above one of the second.
+
+    Agarwal et al. (2021), section 4.3: the mean over the tasks of the Mann-Whitney statistic; a
+    tie counts half. The bootstrap draws the runs of both methods within each task.
+
+    Parameters
+    ----------
+    first, second
+        Scores on the same tasks in the same order, at least one for each.
+
+    Raises
+    ------
+    ValueError
+        If the tasks differ in number or have no runs.
+    """
+    if len(first) != len(second) or not all(map(len, (*first, *second))):
+        raise ValueError("Both methods need runs on the same tasks.")
+    import numpy as np
+
+    def probabilities(ours: Any, theirs: Any) -> Any:
+        above = (ours[..., :, None] > theirs[..., None, :]).mean(axis=(-2, -1))
+        ties = (ours[..., :, None] == theirs[..., None, :]).mean(axis=(-2, -1))
+        return above + ties / 2
+
+    arrays = [
+        (np.asarray(ours, dtype=np.float64), np.asarray(theirs, dtype=np.float64))
+        for ours, theirs in zip(first, second, strict=True)
+    ]
+    value = float(np.mean([probabilities(*pair) for pair in arrays]))
+    if not (_suffice(first) and _suffice(second)):
+        return Estimate(value)
+    draws = zip(
+        _resample(first, _RESAMPLES // 10), _resample(second, _RESAMPLES // 10, 1), strict=True
+    )
+    return _with_quantiles(value, np.mean([probabilities(*pair) for pair in draws], axis=0))
+
+
+def _suffice(strata: Strata) -> bool:
+    """Return True if a bootstrap makes sense."""
+    return sum(map(len, strata)) >= _FEWEST
+
+
+def _resample(strata: Strata, count: int = _RESAMPLES, salt: int = 0) -> list[Any]:
+    """Return resamples of the runs of every task, each of shape (count, runs)."""
+    import numpy as np
+
+    draws = []
+    for place, scores in enumerate(strata):
+        generator = np.random.Generator(np.random.PCG64((len(scores), place, salt)))
+        runs = np.asarray(scores, dtype=np.float64)
+        draws.append(runs[generator.integers(len(runs), size=(count, len(runs)))])
+    return draws
+
+
+def _with_quantiles(value: float, draws: Any) -> Estimate:
+    import numpy as np
+
+    low, high = np.quantile(draws, [1 - _TAIL, _TAIL])
     # With few runs the interval of resamples may miss the figure itself.
     return Estimate(value, min(float(low), value), max(float(high), value))
 

@@ -25,6 +25,7 @@ from .learning.learner import is_certain as is_certain
 from .learning.learner import usual_steps as usual_steps
 from .learning.network_choice import NetworkChoice as NetworkChoice
 from .learning.network_choice import reachable_policy as reachable_policy
+from .learning.network_policy import ActionRule as ActionRule
 from .learning.network_policy import NamedNetwork as NamedNetwork
 from .learning.network_policy import NetworkPolicy as NetworkPolicy
 from .learning.network_policy import allowed_scores as allowed_scores
@@ -55,6 +56,7 @@ from .stop import Stop as Stop
 __all__ = [
     "COST_UNIT",
     "GOAL",
+    "ActionRule",
     "AutoSolver",
     "BestPolicies",
     "CompletedEpisode",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
@@ -29,6 +30,7 @@ from skillplan.records.training.result import (
 )
 from skillplan.records.training.run_folder import RunFolder, StoredRun, get_run_path
 from skillplan.records.training.shortfall import Shortfall, analyse_shortfall
+from skillplan.solvers.learning.network_policy import GREEDY, ActionRule
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 from skillplan.training.policies import (
@@ -77,8 +79,8 @@ class RunsEvaluation:
     Parameters
     ----------
     sampling
-        Number and temperature of the sampled roll-outs per run. The random baseline gets as many as
-        all runs together.
+        Number of the sampled roll-outs per run, and temperature, if it is not the policies' own
+        rule. The random baseline gets as many as all runs together.
     changed_task
         True if the policies may have been learned on another task.
 
@@ -93,9 +95,10 @@ class RunsEvaluation:
     ) -> None:
         self.folder = folder
         self.task = task
-        self.sampling = sampling
-        self.changed_task = changed_task
         self._stored = folder.runs()
+        rules = [run.policy.own_rule for run in self._stored if run.policy is not None]
+        self.sampling = replace(sampling, own_rule=rules[0] if rules else GREEDY)
+        self.changed_task = changed_task
         self._observation = Observation.of(task, folder.manifest.observation)
         policies = [run.policy for run in self._stored if run.policy is not None]
         misfits = [policy.misfit(task, self._observation) for policy in policies]
@@ -223,15 +226,18 @@ class RunsEvaluation:
             stored.failure,
             None if best is None else self.greedy(model, best),
             self.greedy(model, last),
-            self._sample(env, policy, stored.run),
+            self._sample(env, policy, stored.run, self.sampling.rule),
             record,
+            None if self.task.deterministic else self._sample(env, policy, stored.run, GREEDY),
         )
 
-    def _sample(self, env: SkillVectorEnv, policy: StoredNetwork, run: int) -> Tally:
+    def _sample(
+        self, env: SkillVectorEnv, policy: StoredNetwork, run: int, rule: ActionRule
+    ) -> Tally:
         # The random numbers of a run do not depend on the other runs.
         drawn = self.sampling
         seed = drawn.seed + (run + 1) * 2**64
-        return sample_roll_outs(env, policy.network, drawn.episodes, seed, drawn.temperature)
+        return sample_roll_outs(env, policy.network, drawn.episodes, seed, rule)
 
 
 def draw_unseen_layouts(

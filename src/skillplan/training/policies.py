@@ -23,12 +23,12 @@ from skillplan.pipeline.solving import DEFAULT_SOLVER, solve
 from skillplan.records.evaluation import Optimum
 from skillplan.records.result import Status
 from skillplan.records.stored.policy_file import fingerprint
-from skillplan.records.training.network_policy_file import write_network
+from skillplan.records.training.network_policy_file import StoredRule, write_network
 from skillplan.records.training.result import GreedyRollOut, RandomBaseline, Tally
 from skillplan.records.training.run_folder import get_run_path
 from skillplan.solvers.learning.learner import Learned
 from skillplan.solvers.learning.network_choice import NetworkChoice
-from skillplan.solvers.learning.network_policy import NetworkPolicy, random_actions
+from skillplan.solvers.learning.network_policy import ActionRule, NetworkPolicy, random_actions
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 from skillplan.training.run_files import writing
@@ -94,21 +94,19 @@ def _explain_failure(reason: str, done: list[str], feasible: bool) -> str:
 
 
 def sample_roll_outs(
-    env: SkillVectorEnv, policy: NetworkPolicy, episodes: int, seed: int, temperature: float
+    env: SkillVectorEnv, policy: NetworkPolicy, episodes: int, seed: int, rule: ActionRule
 ) -> Tally:
-    """Count how often a policy completes the task if it samples its actions.
+    """Count how often a policy completes the task if it draws its actions by a rule.
 
     Parameters
     ----------
     env
         The environment of the training; it is reset. As many places as episodes are fastest.
-    temperature
-        Temperature of the sampling, > 0; lower is greedier.
 
     Raises
     ------
     ValueError
-        If `episodes` is below 1, or the temperature is not above 0.
+        If `episodes` is below 1.
     BackEndError
         If a back end fails.
     """
@@ -116,7 +114,7 @@ def sample_roll_outs(
     def choose(
         observed: Any, masks: NDArray[np.bool_], uniforms: NDArray[np.float64]
     ) -> NDArray[np.int64]:
-        return policy.sample(observed, masks, uniforms, temperature)
+        return rule.draw(policy, observed, masks, uniforms)
 
     return _run_episodes(env, choose, episodes, seed)[0]
 
@@ -247,7 +245,7 @@ def store_policies(
 
 
 def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, policy: _Kept) -> None:
-    task = plan.task
+    task, rule = plan.task, plan.learner().own_rule
     with writing(folder, f"runs/{run:02d}/{stem}.json"):
         write_network(
             get_run_path(folder, run),
@@ -271,6 +269,7 @@ def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, policy: _Kept)
             step=policy.step,
             cost=policy.cost,
             kept=policy.kept,
+            own_rule=StoredRule(kind=rule.kind, value=rule.value),
         )
 
 

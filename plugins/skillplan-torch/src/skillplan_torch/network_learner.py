@@ -18,7 +18,13 @@ from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learned_model import can_model
 from skillplan.solvers.learning.episode_training import EpisodeTraining
-from skillplan.solvers.learning.learner import MODEL_BASED, Learner, LearnerOptions, usual_steps
+from skillplan.solvers.learning.learner import (
+    MODEL_BASED,
+    Learner,
+    LearnerOptions,
+    is_certain,
+    usual_steps,
+)
 from skillplan.task.task import Task
 from skillplan_torch.networks import BLOCK
 
@@ -125,12 +131,19 @@ class NetworkLearner(Learner):
         Raises
         ------
         OptionError
-            If plans are wanted that learned action schemas cannot give.
+            If plans are wanted that learned action schemas cannot give, or an episode is to be
+            imitated whose cost is left to chance.
         """
         if self.options.planning and not can_model(tasks, self.options.observation):
             raise OptionError(
                 f"-O {self.name}.planning=true: plans need one task without chance, and "
                 "observation=paper or markov. Leave planning out."
+            )
+        imitation = getattr(self.options, "imitation", 0.0)
+        if imitation and not is_certain(tasks):
+            raise OptionError(
+                f"-O {self.name}.imitation={imitation:g}: the cheapest episode is the "
+                "best one on one task without chance only. Leave imitation out."
             )
         return self.where_null(steps=usual_steps(tasks, self.steps_factor))
 

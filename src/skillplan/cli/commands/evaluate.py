@@ -102,15 +102,16 @@ class RollOuts:
         ),
     ] = 100
     temperature: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--temperature",
             parser=positive_number(),
             metavar="T",
-            help="Temperature of the sampling; lower is greedier.",
+            help="Sample in proportion to exp(score / T) instead of by the policy's own rule: for "
+            "ppo T = 1, for dqn its final epsilon.",
             rich_help_panel=OF_RUN,
         ),
-    ] = 0.05
+    ] = None
     layouts: Annotated[
         int | None,
         count_option(
@@ -153,8 +154,9 @@ def command(
     optimum, or the bound on it. If a condition fails, prints which one and where. --time-limit
     limits the proof. Uses the task and back ends stored in RESULT unless options override them.
 
-    Every policy of a RUN is followed greedily and by sampled actions, and compared with random
-    actions, with the back ends of the training. Several RUNs are compared in one table.
+    Every policy of a RUN is followed greedily and by its own rule (ppo samples, dqn explores with
+    its final epsilon), and compared with random actions, with the back ends of the training.
+    Several RUNs are compared in one table, with the probability that one learner beats another.
 
     The policy of train --family generated:A-B is followed greedily on any --task FILE.
     """

@@ -18,11 +18,14 @@ from skillplan.errors import exit_code
 from skillplan.pipeline.restoration import is_near, unquoted
 from skillplan.pipeline.setup import CHART, Setup
 from skillplan.pipeline.solving import make_model
+from skillplan.records.training.method_comparison import (
+    compare_methods,
+    make_trainings_document,
+)
 from skillplan.records.training.result import (
     LayoutsResult,
     Sampling,
     TrainingResult,
-    make_trainings_document,
 )
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.solvers.stop import Stop
@@ -34,7 +37,11 @@ from skillplan.training.evaluation import (
     evaluate_layouts,
 )
 from skillplan.training.policies import prove_optimum
-from skillplan.views.tables.training import tabulate_training, tabulate_trainings
+from skillplan.views.tables.training import (
+    tabulate_methods,
+    tabulate_training,
+    tabulate_trainings,
+)
 
 if TYPE_CHECKING:
     from skillplan.cli.commands.evaluate import RollOuts
@@ -89,7 +96,11 @@ def evaluate_run_folders(paths: Sequence[str], request: RunsRequest, style: str)
     if len(paths) == 1:
         emit(style, results[0].document(), tabulate_training(results[0]), failed=failed)
     else:
-        emit(style, make_trainings_document(results), [tabulate_trainings(results)], failed=failed)
+        comparison = compare_methods([result.document() for result in results])
+        # CSV contains the last table.
+        tables = [] if comparison is None else [tabulate_methods(comparison)]
+        tables.append(tabulate_trainings(results))
+        emit(style, make_trainings_document(results), tables, failed=failed)
     solved = all(result.completed for result in results)
     return exit_code(interrupted=interrupted, solved=solved)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
@@ -14,6 +15,7 @@ from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, TaskError, exit_code
 from skillplan.pipeline.setup import CHART, Setup, load_problem
 from skillplan.pipeline.solving import open_warm_cache
+from skillplan.records.training.method_comparison import compare_methods
 from skillplan.records.training.published_runs import SUCCESS_RATE, get_published_runs
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.task.task import Task
@@ -21,6 +23,7 @@ from skillplan.training.policies import prove_optimum
 from skillplan.views.figures.catalogue import RUN_FIGURES
 from skillplan.views.figures.figure_file import SUFFIXES, check_path, save_figure
 from skillplan.views.figures.figure_style import Heading
+from skillplan.views.figures.profile_figure import draw_profile
 from skillplan.views.figures.training_figures import (
     RunCurve,
     draw_distances,
@@ -71,10 +74,13 @@ def plot_run_folders(
         name: [check_path(path) for path in _list_paths(folders, name, file.out)]
         for name in (RUN_FIGURES if figure is None else [figure])
     }
-    trainings = [_Training(folder, time_limit_s) for folder in folders]
+    lines = []
+    profile = targets.pop("profile", None)
+    if profile is not None:
+        lines += _plot_profile(folders, profile, file.dpi, needed=figure is not None)
+    trainings = [_Training(folder, time_limit_s) for folder in (folders if targets else ())]
     for training in trainings[1:]:
         _check_same_task(training, trainings[0])
-    lines = []
     for name, paths in targets.items():
         completed = any(training.any_success for training in trainings)
         if figure is None and name == "distances" and not completed:
@@ -91,6 +97,37 @@ def plot_run_folders(
             lines.append(f"{path}\n")
     write_out("".join(lines))
     return exit_code()
+
+
+def _plot_profile(
+    folders: Sequence[RunFolder], paths: Sequence[Path], dpi: int, *, needed: bool
+) -> list[str]:
+    """Draw the performance profile of finished trainings and return the lines to print."""
+    documents, faults = [], []
+    for folder in folders:
+        document = folder.result()
+        if document is None:
+            faults.append(f"{folder.path}: has no result.json yet; train --resume goes on.")
+        elif document.get("optimum") is None:
+            faults.append(f"{folder.path}: no optimum is proved, which scores refer to.")
+        else:
+            documents.append({**document, "run_dir": folder.path.name})
+    comparison = None if faults else compare_methods(documents)
+    if comparison is None:
+        message = faults[0] if faults else f"{folders[0].path}: has no runs."
+        if needed:
+            raise OptionError(message)
+        tell(f"skillplan: profile: {message} Not drawn.")
+        return []
+    tasks = list(dict.fromkeys(folder.manifest.task.name for folder in folders))
+    heading = Heading(
+        f"Performance profile: {', '.join(tasks)}",
+        "a run that does not complete scores 0,  bands and bars 95 % of the bootstrap",
+    )
+    drawn = draw_profile(comparison, heading)
+    for path in paths:
+        save_figure(drawn, path, dpi)
+    return [f"{path}\n" for path in paths]
 
 
 def make_training_chapter(folder: RunFolder, name: str, time_limit_s: float | None) -> Chapter:
@@ -112,7 +149,7 @@ def make_training_chapter(folder: RunFolder, name: str, time_limit_s: float | No
     images: list[Markup] = []
     try:
         training = _Training(folder, _PROOF_S if time_limit_s is None else time_limit_s)
-        for figure in RUN_FIGURES:
+        for figure in ("success", "distances"):
             if figure != "distances" or training.any_success:
                 words = f"Learning curves, {figure}: {manifest.task.name}, {manifest.solver}"
                 images.append(

@@ -17,7 +17,7 @@ from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import format_document, read_checked
 from skillplan.files.safetensors_file import read_safetensors
 from skillplan.records import schemas
-from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan.solvers.learning.network_policy import ActionRule, NetworkPolicy
 from skillplan.task.task import Task
 
 _REMEDY = "Train again, or go on with --resume, which writes it again"
@@ -33,6 +33,15 @@ class LearnedTask(BaseModel):
     kind: str
     sha256: str = Field(description="hash of the file's content")
     fingerprint: str = Field(description="hash of facts, goal and effects of skills")
+
+
+class StoredRule(BaseModel):
+    """How the policy drew its actions at the end of its training."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    kind: Literal["softmax", "epsilon-greedy"]
+    value: float = Field(ge=0, description="temperature, or epsilon [-]")
 
 
 class NetworkPolicyContent(BaseModel):
@@ -54,6 +63,9 @@ class NetworkPolicyContent(BaseModel):
     kept: Literal["best", "last"]
     layers: list[tuple[int, int]] = Field(min_length=1, description="inputs and outputs of each")
     sha256: str = Field(description="hash of the file of weights")
+    own_rule: StoredRule | None = Field(
+        default=None, description="how actions are drawn from scores; null before version 0.4"
+    )
 
 
 @dataclass(frozen=True)
@@ -62,6 +74,19 @@ class StoredNetwork:
 
     network: NetworkPolicy
     content: NetworkPolicyContent
+
+    @property
+    def own_rule(self) -> ActionRule:
+        """How the policy drew its actions at the end of its training."""
+        rule, options = self.content.own_rule, self.content.options
+        if rule is not None:
+            return ActionRule(rule.kind, rule.value)
+        # Version 0.3 did not store the rule. Of its learners, only ppo sampled by probability.
+        if self.content.solver == "ppo":
+            return ActionRule("softmax", 1.0)
+        counts = options.get("exploration") == "count"
+        epsilon = 0.0 if counts else options.get("epsilon_end", 0.0)
+        return ActionRule("epsilon-greedy", float(epsilon))
 
     @property
     def kept(self) -> Literal["best", "last"]:

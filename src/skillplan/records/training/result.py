@@ -19,6 +19,7 @@ from skillplan.records.training.published_runs import PublishedRun, get_publishe
 from skillplan.records.training.run_folder import WarmStartRecord
 from skillplan.records.training.shortfall import Shortfall
 from skillplan.solvers.learning.learner import MODEL_BASED
+from skillplan.solvers.learning.network_policy import GREEDY, ActionRule
 from skillplan.solvers.solution import deviation
 from skillplan.task.task import Task
 
@@ -28,6 +29,19 @@ if TYPE_CHECKING:
 
 RECENT_STEPS = 2_000
 """Length of the last part of a training that its success rate is of [steps]."""
+
+
+def score_of(cost: float | None, reference: float) -> float:
+    """Return reference / cost, at most 1; 0 for a run that does not complete the task.
+
+    Parameters
+    ----------
+    reference
+        Lowest cost, usually the proved optimum.
+    """
+    if cost is None:
+        return 0.0
+    return 1.0 if cost <= reference else reference / cost
 
 
 class RunStatus(StrEnum):
@@ -191,6 +205,8 @@ class RunOutcome:
         Greedy roll-outs of its policies, if any.
     sampled
         Sampled roll-outs of its reported policy, if any.
+    followed
+        Greedy roll-outs of its reported policy under chance, if any.
     training
         Summary of its episodes, if known.
     """
@@ -202,6 +218,7 @@ class RunOutcome:
     last: GreedyRollOut | None = None
     sampled: Tally | None = None
     training: TrainingRecord | None = None
+    followed: Tally | None = None
 
     @property
     def greedy(self) -> GreedyRollOut | None:
@@ -234,6 +251,23 @@ class RunOutcome:
         return None if self.training is None else self.training.best_cost
 
     @property
+    def greedy_tally(self) -> Tally:
+        """Greedy roll-outs: several under chance, otherwise one; none without a policy."""
+        if self.followed is not None:
+            return self.followed
+        return Tally() if self.greedy is None else Tally(int(self.greedy.complete), 1)
+
+    def score(self, reference: float | None) -> float | None:
+        """Return reference / cost, 0 if the run does not complete the task.
+
+        Parameters
+        ----------
+        reference
+            Lowest cost, usually the proved optimum; None if it is unknown.
+        """
+        return None if reference is None else score_of(self.cost, reference)
+
+    @property
     def tally(self) -> Tally:
         """Episodes of its success rate: sampled ones, or else the last of the training."""
         if self.sampled is not None:
@@ -260,9 +294,11 @@ class RunOutcome:
             "skills": [] if greedy is None else list(greedy.skills),
             "cost": self.cost,
             "deviation": deviation(self.cost, optimum),
+            "score": self.score(optimum),
             "kept": None if greedy is None else greedy.kept,
             "kept_step": None if greedy is None else greedy.step,
             "last": None if self.last is None else _roll_out_document(self.last, optimum),
+            "greedy_success_rate": self.greedy_tally.rate,
             "success_rate": self.tally.rate,
             "success_ci95": ci95,
             "sampled_episodes": 0 if self.sampled is None else self.sampled.episodes,
@@ -440,11 +476,40 @@ class RandomBaseline:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Sampled roll-outs: number per run, temperature, and seed."""
+    """Sampled roll-outs.
+
+    Parameters
+    ----------
+    episodes
+        Number per run.
+    temperature
+        Temperature for all policies; None for their own rule.
+    own_rule
+        How the policies drew their actions at the end of the training.
+    """
 
     episodes: int
-    temperature: float
+    temperature: float | None
     seed: int
+    own_rule: ActionRule = GREEDY
+
+    @property
+    def rule(self) -> ActionRule:
+        """The rule in use."""
+        if self.temperature is None:
+            return self.own_rule
+        return ActionRule("softmax", self.temperature)
+
+    def document(self) -> dict[str, Any]:
+        """Return the roll-outs as JSON values."""
+        rule = self.rule
+        return {
+            "episodes": self.episodes,
+            "temperature": rule.value if rule.kind == "softmax" else None,
+            "epsilon": None if rule.kind == "softmax" else rule.value,
+            "own": self.temperature is None,
+            "seed": self.seed,
+        }
 
 
 @dataclass(frozen=True)
@@ -518,6 +583,27 @@ class TrainingResult:
         """
         records = [run.training for run in self.outcomes if run.training is not None]
         return any(record.planned and not record.explores for record in records)
+
+    @property
+    def acts_alike(self) -> bool:
+        """True if all sampled roll-outs of a policy are the same: no rule or task is random."""
+        rule = None if self.sampling is None else self.sampling.rule
+        return rule is not None and rule == GREEDY and not self.chance
+
+    @property
+    def greedy_success(self) -> Tally:
+        """Greedy roll-outs of all runs together."""
+        return sum((outcome.greedy_tally for outcome in self.outcomes), Tally())
+
+    def scores(self, reference: float | None) -> list[float]:
+        """Return the score of every run: see `RunOutcome.score`."""
+        scores = [outcome.score(reference) for outcome in self.outcomes]
+        return [score for score in scores if score is not None]
+
+    @property
+    def score_iqm(self) -> Estimate | None:
+        """Interquartile mean of the scores of all runs; None without a proved optimum."""
+        return self._over_runs(interquartile_mean(self.scores(self.optimum.cost)))
 
     @property
     def success(self) -> Tally:
@@ -612,7 +698,7 @@ class TrainingResult:
 
     def _over_runs(self, estimate: Estimate | None) -> Estimate | None:
         """Return an estimate over the runs, without its interval if they planned."""
-        return Estimate(estimate.value) if estimate is not None and self.planned else estimate
+        return estimate.bare if estimate is not None and self.planned else estimate
 
     @property
     def published(self) -> tuple[PublishedRun, ...]:
@@ -622,7 +708,7 @@ class TrainingResult:
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.training/1``."""
         task, best = self.task, self.optimum
-        success = self.success.estimate
+        success = None if self.acts_alike else self.success.estimate
         return {
             "schema": schemas.TRAINING,
             "run_dir": self.run_dir,
@@ -647,19 +733,16 @@ class TrainingResult:
             "success_ci95": None if success is None else [success.low, success.high],
             "success_of": "training" if self.sampling is None else "sampled",
             "training_success_rate": self.training_success.rate,
-            "sampling": None
-            if self.sampling is None
-            else {
-                "episodes": self.sampling.episodes,
-                "temperature": self.sampling.temperature,
-                "seed": self.sampling.seed,
-            },
+            "sampling": None if self.sampling is None else self.sampling.document(),
+            "greedy_success_rate": self.greedy_success.rate,
+            "deterministic": self.planned,
             "completed_runs": self.completed,
             "completion": _estimate(self.completion),
             "optimal_runs": self.at_most(0.0),
             "zero_percent_runs": self.at_most(_ZERO_PERCENT),
             "one_percent_runs": self.at_most(_ONE_PERCENT),
             "failed_runs": [outcome.run for outcome in self.failed],
+            "score_iqm": _estimate(self.score_iqm),
             "deviation_iqm": _estimate(self.deviation_iqm),
             "cost_iqm": _estimate(self.cost_iqm),
             "success_iqm": _estimate(self.success_iqm),
@@ -699,8 +782,3 @@ class TrainingResult:
 
 def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
     return None if estimate is None else estimate.document()
-
-
-def make_trainings_document(results: Sequence[TrainingResult]) -> dict[str, Any]:
-    """Return the document ``skillplan.trainings/1`` of several trainings."""
-    return {"schema": schemas.TRAININGS, "rows": [result.document() for result in results]}

@@ -17,7 +17,7 @@ from pydantic import BaseModel, Field
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learning.network_choice import NetworkChoice, reachable_policy
-from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan.solvers.learning.network_policy import GREEDY, ActionRule, NetworkPolicy
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task.task import Task
@@ -250,6 +250,11 @@ class Learner(Solver):
     def scales(self, task: Task) -> dict[str, float]:
         """Return further values that are derived from the task, by name."""
         return {"horizon": task.step_limit}
+
+    @property
+    def own_rule(self) -> ActionRule:
+        """How its policies act at the end of a training; greedily by default."""
+        return GREEDY
 
     @property
     def hidden_layers(self) -> tuple[int, ...] | None:

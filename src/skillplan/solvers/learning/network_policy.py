@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +126,60 @@ class NetworkPolicy:
         totals = np.cumsum(weights, axis=1)
         drawn: NDArray[np.int64] = (totals <= uniforms[:, None] * totals[:, -1:]).sum(axis=1)
         return np.minimum(drawn, self.actions - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class ActionRule:
+    """How a policy draws its actions from scores.
+
+    Parameters
+    ----------
+    kind
+        ``softmax`` draws with probabilities proportional to exp(score / value); ``epsilon-greedy``
+        takes the best score, and with probability `value` a random allowed action.
+    value
+        Temperature > 0, or epsilon in [0, 1].
+
+    Raises
+    ------
+    ValueError
+        If the value is out of range.
+    """
+
+    kind: Literal["softmax", "epsilon-greedy"]
+    value: float
+
+    def __post_init__(self) -> None:
+        fits = self.value > 0 if self.kind == "softmax" else 0 <= self.value <= 1
+        if not fits:
+            raise ValueError(f"The {self.words} is out of range.")
+
+    @property
+    def words(self) -> str:
+        """The rule in words, such as ``temperature 1``."""
+        return f"{'temperature' if self.kind == 'softmax' else 'epsilon'} {self.value:g}"
+
+    def draw(
+        self,
+        policy: NetworkPolicy,
+        observations: Vector,
+        masks: NDArray[np.bool_] | None,
+        uniforms: NDArray[np.float64],
+    ) -> NDArray[np.int64]:
+        """Return actions of a policy; parameters as for `NetworkPolicy.sample`."""
+        if self.kind == "softmax":
+            return policy.sample(observations, masks, uniforms, self.value)
+        best = policy.greedy(observations, masks)
+        explores = uniforms < self.value
+        if not explores.any():
+            return best
+        every = np.ones((len(best), policy.actions), dtype=np.bool_) if masks is None else masks
+        # Below epsilon, the random number is evenly spread again after division by it.
+        drawn = random_actions(every, np.minimum(uniforms / self.value, 1.0 - 1e-12))
+        return np.where(explores, drawn, best)
+
+
+GREEDY = ActionRule("epsilon-greedy", 0.0)
 
 
 def allowed_scores(scores: Vector, masks: NDArray[np.bool_] | None) -> Vector:

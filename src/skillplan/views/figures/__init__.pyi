@@ -40,6 +40,7 @@ from .precedence_figure import draw_precedence as draw_precedence
 from .precedence_graph import Bend as Bend
 from .precedence_graph import arrange_layers as arrange_layers
 from .precedence_graph import build_precedence_graph as build_precedence_graph
+from .profile_figure import draw_profile as draw_profile
 from .q_values_figure import StateValues as StateValues
 from .q_values_figure import choose_look as choose_look
 from .q_values_figure import draw_q_values as draw_q_values
@@ -93,6 +94,7 @@ __all__ = [
     "draw_layout",
     "draw_learning",
     "draw_precedence",
+    "draw_profile",
     "draw_q_values",
     "draw_rewards",
     "draw_success",

@@ -82,6 +82,11 @@ RUN_FIGURES: Mapping[str, CatalogueEntry] = MappingProxyType(
             "what every completed sequence of training costs, run by run",
             f"{_HERE}.training_figures",
         ),
+        "profile": CatalogueEntry(
+            "share of the runs whose policy scores above tau (optimum / cost), and which learner "
+            "beats which; also of several tasks",
+            f"{_HERE}.profile_figure",
+        ),
     }
 )
 """Figures of a folder of training runs, by name."""

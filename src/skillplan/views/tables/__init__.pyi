@@ -10,6 +10,7 @@ from .results import tabulate_plan as tabulate_plan
 from .sweep import tabulate_settings as tabulate_settings
 from .sweep import tabulate_starts as tabulate_starts
 from .training import tabulate_layouts as tabulate_layouts
+from .training import tabulate_methods as tabulate_methods
 from .training import tabulate_training as tabulate_training
 from .trials import tabulate_simulation as tabulate_simulation
 
@@ -23,6 +24,7 @@ __all__ = [
     "tabulate_evaluation",
     "tabulate_layouts",
     "tabulate_listing",
+    "tabulate_methods",
     "tabulate_plan",
     "tabulate_settings",
     "tabulate_simulation",

@@ -6,6 +6,7 @@ import statistics
 from collections.abc import Callable, Sequence
 
 from skillplan.records.interval import Estimate
+from skillplan.records.training.method_comparison import MethodComparison
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.relational_file import RelationalContent
 from skillplan.records.training.result import (
@@ -15,6 +16,7 @@ from skillplan.records.training.result import (
     TrainingResult,
 )
 from skillplan.records.training.shortfall import Shortfall
+from skillplan.solvers.learning.network_policy import ActionRule
 from skillplan.solvers.solution import deviation
 from skillplan.task.task import Task
 from skillplan.views.tables.results import describe_unchecked
@@ -186,8 +188,14 @@ def tabulate_training(result: TrainingResult) -> list[Table]:
     columns = [Column("run", right=True), Column("seed", right=True)]
     columns += [Column("sequence", below=True)]
     columns += [Column(f"expected {cost}" if chance else cost, right=True)]
-    columns += [Column("deviation", right=True), Column("success", right=True)]
-    if result.sampling is not None:
+    columns.append(Column("deviation", right=True))
+    if result.sampling is None:
+        columns.append(Column("success", right=True))
+    else:
+        rule = result.sampling.rule
+        columns.append(Column("greedy", right=True))
+        if not result.acts_alike:
+            columns.append(Column(f"{rule.kind} {rule.value:g}", right=True))
         columns.append(Column("in training", right=True))
     columns += [Column(seen, right=True), Column("first at step", right=True)]
     rows = [_make_row(result, outcome) for outcome in result.outcomes]
@@ -213,7 +221,11 @@ def _make_row(result: TrainingResult, outcome: RunOutcome) -> list[str]:
     off = deviation(outcome.cost, result.optimum.cost)
     cells = [str(outcome.run), str(outcome.seed), sequence]
     cells += [format_number(outcome.cost, decimals) if shown else NONE]
-    cells += [format_percent(off) if shown else NONE, _format_rate(outcome.tally)]
+    cells.append(format_percent(off) if shown else NONE)
+    if result.sampling is not None:
+        cells.append(_format_rate(outcome.greedy_tally))
+    if not result.acts_alike:
+        cells.append(_format_rate(outcome.tally))
     if result.sampling is not None:
         cells.append("-" if outcome.training is None else _format_rate(outcome.training.recent))
     first = None if outcome.training is None else outcome.training.first_success_step
@@ -235,6 +247,12 @@ def _write_notes(result: TrainingResult) -> list[str]:
         notes.append(f"cost       interquartile mean {_format_interval(cost, task.cost_text)}")
     if off is not None or cost is not None:
         notes[-1] += f", of the {count(result.completed, 'run')} that complete"
+    score = result.score_iqm
+    if score is not None and result.completed < len(result.outcomes):
+        notes.append(
+            f"score      interquartile mean {_format_interval(score, _format_score)}, of all "
+            f"{count(len(result.outcomes), 'run')}: optimum / cost, 0 if a run does not complete"
+        )
     notes += _describe_success(result)
     if result.best_seen is not None:
         note = f"best seen  {task.cost_text(result.best_seen)} while learning"
@@ -302,25 +320,45 @@ def _describe_runs(result: TrainingResult) -> str:
 def _describe_success(result: TrainingResult) -> list[str]:
     notes = []
     if result.sampling is not None and result.success.estimate is not None:
-        drawn = result.sampling
+        drawn, greedy = result.sampling, result.greedy_success
+        if greedy.estimate is not None:
+            each = "with the task's chance" if result.chance else "one per run"
+            notes.append(
+                f"greedy     {_format_share(greedy.estimate.value)} of "
+                f"{count(greedy.episodes, 'greedy roll-out')} complete, {each}"
+            )
+        if result.acts_alike:
+            return [*notes, *_describe_training(result)]
+        whose = "the policies' own rule" if drawn.temperature is None else "--temperature"
         notes.append(
             f"success    {_format_interval(result.success.estimate, _format_share)} of "
-            f"{count(result.success.episodes, 'sampled roll-out')}, temperature "
-            f"{drawn.temperature:g}, seed {drawn.seed}"
+            f"{count(result.success.episodes, 'sampled roll-out')} by {whose}, "
+            f"{_describe_rule(drawn.rule)}, seed {drawn.seed}"
         )
         spread = result.success_iqm
         if spread is not None and len(result.outcomes) > 1:
             notes[-1] += (
                 f"; interquartile mean of the runs {_format_interval(spread, _format_share)}"
             )
+    return [*notes, *_describe_training(result)]
+
+
+def _describe_training(result: TrainingResult) -> list[str]:
     trained = result.training_success
-    if trained.estimate is not None:
-        notes.append(
-            f"training   {_format_interval(trained.estimate, _format_share)} of the "
-            f"{count(trained.episodes, 'episode')} that ended in the last "
-            f"{result.recent_steps:,} steps of a run completed the task"
-        )
-    return notes
+    if trained.estimate is None:
+        return []
+    rate = trained.estimate.bare if result.planned else trained.estimate
+    return [
+        f"training   {_format_interval(rate, _format_share)} of the "
+        f"{count(trained.episodes, 'episode')} that ended in the last "
+        f"{result.recent_steps:,} steps of a run completed the task"
+    ]
+
+
+def _describe_rule(rule: ActionRule) -> str:
+    if rule.kind == "softmax":
+        return f"softmax of the scores at temperature {rule.value:g}"
+    return f"epsilon-greedy with epsilon {rule.value:g}" if rule.value else "greedy"
 
 
 def _describe_baseline(result: TrainingResult) -> list[str]:
@@ -357,6 +395,10 @@ def _format_interval(estimate: Estimate, text: Callable[[float], str]) -> str:
 
 def _format_share(fraction: float) -> str:
     return f"{100 * fraction:.1f} %"
+
+
+def _format_score(score: float) -> str:
+    return f"{score:.3f}"
 
 
 def _format_rate(tally: Tally) -> str:
@@ -398,6 +440,44 @@ def tabulate_family(learned: RelationalContent, folder: str) -> Table:
 _ABSENT = "-"
 
 
+def tabulate_methods(comparison: MethodComparison) -> Table:
+    """Return the scores of methods, their profile, and probabilities of improvement."""
+    others = comparison.methods
+    columns = [
+        Column("method"),
+        Column("tasks", right=True),
+        Column("runs", right=True),
+        Column("score", right=True),
+        *(Column(f"> {tau:g}", right=True) for tau in _TAUS),
+        *(Column(f"P(> {other.name})", right=True) for other in others[1:]),
+    ]
+    known = {(first, second): estimate for first, second, estimate in comparison.improvements}
+    rows = [
+        [
+            method.name,
+            str(len(method.tasks)),
+            str(method.runs),
+            _format_figure(method.score_iqm, _format_score)
+            + (" deterministic" if method.deterministic else ""),
+            *(_format_whole(value) for value in method.profile(_TAUS).shares),
+            *(_format_figure(known.get((method, other)), _format_score) for other in others[1:]),
+        ]
+        for method in others
+    ]
+    notes = [
+        "score      optimum / cost of a run's policy, 0 if it does not complete: interquartile "
+        "mean of all runs",
+        "profile    > tau: share of the runs that score above tau",
+        "P(> B)     probability that a run scores above one of B, ties half",
+        "intervals  95 %, stratified bootstrap over the runs of each task; Agarwal et al. (2021)",
+    ]
+    return Table("methods compared by the scores of their runs", columns, rows, notes)
+
+
+# Scores whose profile stands in a table.
+_TAUS = (0.0, 0.9, 0.95, 0.99, 0.999)
+
+
 def tabulate_trainings(results: Sequence[TrainingResult]) -> Table:
     """Return a row for every training, at least one."""
     columns = [
@@ -417,8 +497,16 @@ def tabulate_trainings(results: Sequence[TrainingResult]) -> Table:
     ]
     title = f"{len(results)} trainings side by side"
     notes = [
-        "deviation, cost and success are interquartile means of the runs, with 95 % intervals of "
-        "the bootstrap where there are several; the share that completes has Wilson's"
+        "deviation and cost are interquartile means of the runs that complete, success of all, "
+        "with 95 % intervals of the bootstrap; the share that completes has Wilson's"
+    ]
+    planned = [result.run_dir for result in results if result.planned]
+    if planned:
+        notes.append(f"{', '.join(planned)}: a deterministic planner, whose seeds are no samples")
+    notes += [
+        f"{result.run_dir}: success by {_describe_rule(result.sampling.rule)}"
+        for result in results
+        if result.sampling is not None
     ]
     notes += [f"{result.run_dir}: interrupted" for result in results if result.interrupted]
     return Table(title, columns, [_make_training_row(result) for result in results], notes)

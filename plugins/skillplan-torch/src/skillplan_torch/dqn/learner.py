@@ -19,7 +19,7 @@ from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, OUT_OF_TIME
 from skillplan.solvers.learning.episode_training import Arrays, CompletedEpisode, EpisodeRecord
 from skillplan.solvers.learning.learner import Episode, Training
-from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
+from skillplan.solvers.learning.network_policy import ActionRule, NetworkPolicy, allowing
 from skillplan.solvers.learning.observation_counts import ObservationCounts, take_rows
 from skillplan.task.task import Task
 from skillplan_torch.additions import Branching, Plans, count_bonus, imitation_weight, margin_loss
@@ -177,6 +177,12 @@ class DqnSolver(NetworkLearner):
 
     Options = DqnOptions
     options: DqnOptions
+
+    @property
+    def own_rule(self) -> ActionRule:
+        """Epsilon-greedy with the final epsilon; greedy with a count bonus, which ends."""
+        by_epsilon = self.options.exploration == "epsilon"
+        return ActionRule("epsilon-greedy", self.options.epsilon_end if by_epsilon else 0.0)
 
     def derived(self, tasks: Sequence[Task]) -> dict[str, Any]:
         """Return the values of options that are null."""

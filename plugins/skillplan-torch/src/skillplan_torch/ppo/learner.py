@@ -23,7 +23,7 @@ from skillplan.solvers.learning.episode_training import (
     read_array,
 )
 from skillplan.solvers.learning.learner import Episode, Training
-from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
+from skillplan.solvers.learning.network_policy import ActionRule, NetworkPolicy, allowing
 from skillplan.solvers.learning.observation_counts import ObservationCounts
 from skillplan_torch.additions import Plans
 from skillplan_torch.network_learner import (
@@ -140,6 +140,11 @@ class PpoSolver(NetworkLearner):
     Options = PpoOptions
     options: PpoOptions
     steps_factor = 2.0
+
+    @property
+    def own_rule(self) -> ActionRule:
+        """The probabilities that were learned: temperature 1."""
+        return ActionRule("softmax", 1.0)
 
     def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:
         """Return a training before its first step."""
