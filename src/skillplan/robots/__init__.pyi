@@ -8,6 +8,8 @@ from .arm_description import Rod as Rod
 from .arm_description import Transform as Transform
 from .catalogue import ARMS as ARMS
 from .catalogue import STANDARD_HAND as STANDARD_HAND
+from .home_posture import find_home as find_home
+from .link_frames import compute_link_frames as compute_link_frames
 from .panda import FINGER_PROFILE_M as FINGER_PROFILE_M
 from .panda import HAND_HALF_LENGTH_M as HAND_HALF_LENGTH_M
 from .panda import HAND_UNDERSIDE_M as HAND_UNDERSIDE_M
@@ -41,5 +43,7 @@ __all__ = [
     "Rod",
     "Transform",
     "UrdfError",
+    "compute_link_frames",
+    "find_home",
     "read_urdf",
 ]

@@ -229,7 +229,9 @@ class LinkInertia:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A revolute joint, and the link that it moves.
+    """A revolute or prismatic joint, and the link that it moves.
+
+    Fields of a prismatic joint count metres and newtons instead of radians and newton metres.
 
     Parameters
     ----------
@@ -238,13 +240,18 @@ class Joint:
     placement
         Frame at angle 0, in the frame of the joint before, or of the base.
     low_rad, high_rad
-        Limits of the angle [rad].
+        Limits of the angle [rad]; of a prismatic joint, of its stroke [m].
     speed_rad_per_s, acceleration_rad_per_s2
-        Greatest speed [rad/s] and acceleration [rad/s2], > 0.
+        Greatest speed [rad/s] and acceleration [rad/s2], > 0; of a prismatic joint [m/s] and
+        [m/s2].
     torque_nm
-        Greatest torque [Nm], > 0; None if unknown.
+        Greatest torque [Nm], of a prismatic joint greatest force [N], > 0; None if unknown.
+    link
+        Mass of the moved link; None if unknown.
     axis
         Unit vector of the axis in its frame.
+    is_prismatic
+        True for a prismatic joint.
 
     Raises
     ------
@@ -260,8 +267,9 @@ class Joint:
     speed_rad_per_s: float
     acceleration_rad_per_s2: float
     torque_nm: float | None
-    link: LinkInertia
+    link: LinkInertia | None
     axis: Triple = (0.0, 0.0, 1.0)
+    is_prismatic: bool = False
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -282,7 +290,7 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class ArmDescription:
-    """A serial arm of revolute joints.
+    """A serial arm of revolute and prismatic joints.
 
     Parameters
     ----------
@@ -293,7 +301,7 @@ class ArmDescription:
     tip
         Flange that holds hands and tools, in the frame of the last joint.
     home_rad
-        A posture with room for every joint [rad], within the limits.
+        A posture with room for every joint [rad], of prismatic joints [m], within the limits.
     shapes
         Collision shapes of the base in its frame, then of every link in the frame of its joint;
         empty
@@ -307,6 +315,8 @@ class ArmDescription:
         other arms.
     payload_kg
         Greatest mass at the flange as published, hand and tool included [kg], > 0; None if unknown.
+    assumptions
+        Sentences on values that its file does not give, and on parts of it that are left out.
 
     Raises
     ------
@@ -322,6 +332,7 @@ class ArmDescription:
     reach_m: float | None = None
     swing: tuple[int, int, int] | None = None
     payload_kg: float | None = None
+    assumptions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -354,10 +365,13 @@ class ArmDescription:
         """Working distance from the base [m]."""
         if self.reach_m is not None:
             return self.reach_m
-        return sum(
-            math.hypot(*frame.xyz_m)
-            for frame in (*(joint.placement for joint in self.joints), self.tip)
+        frames = (*(joint.placement for joint in self.joints), self.tip)
+        strokes_m = (
+            max(abs(joint.low_rad), abs(joint.high_rad))
+            for joint in self.joints
+            if joint.is_prismatic
         )
+        return sum(math.hypot(*frame.xyz_m) for frame in frames) + sum(strokes_m)
 
     @property
     def without_shape(self) -> tuple[int, ...]:
@@ -380,6 +394,12 @@ class ArmDescription:
         if joints:
             sentences.append(
                 f"torques of {', '.join(joints)} of {self.name}: its description has no limit"
+            )
+        unweighed = [joint.name for joint in self.joints if joint.link is None]
+        if unweighed:
+            sentences.append(
+                f"weight of the links after {', '.join(unweighed)} of {self.name}: its description "
+                "has no mass for them"
             )
         return tuple(sentences)
 

@@ -1,15 +1,17 @@
 """An arm from a URDF: the chain from its base to a named link, with limits, masses and shapes.
 
-The chain must consist of revolute and fixed joints. Other files are refused with a message.
+Joints beside the chain stand still. Values that a file leaves out are assumed, and the description
+lists these assumptions. All faults of a file come in one message.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import ParamSpec, TypeVar
 
 from skillplan.robots.arm_description import (
     ArmDescription,
@@ -57,6 +59,18 @@ class Rigid:
         """Return a point of this frame [m] in the parent frame."""
         x, y, z = self.rotate(point)
         return (x + self.origin[0], y + self.origin[1], z + self.origin[2])
+
+    @classmethod
+    def about(cls, axis: Triple, angle_rad: float) -> Rigid:
+        """Return a rotation about a unit vector (Rodrigues)."""
+        (x, y, z), cos, sin = axis, math.cos(angle_rad), math.sin(angle_rad)
+        rest = 1 - cos
+        rows = (
+            (cos + x * x * rest, x * y * rest - z * sin, x * z * rest + y * sin),
+            (y * x * rest + z * sin, cos + y * y * rest, y * z * rest - x * sin),
+            (z * x * rest - y * sin, z * y * rest + x * sin, cos + z * z * rest),
+        )
+        return cls(rows)
 
     def then(self, other: Rigid) -> Rigid:
         """Return a transform of this frame in the parent frame."""
@@ -232,79 +246,48 @@ def _parse_bounded(element: Element, key: str, text: str | None, most: float) ->
 
 _ONE_URDF: Triple = (1.0, 1.0, 1.0)
 
-
-def read_shapes(
-    link: Element, frame: Rigid, read_mesh: Callable[[str, Triple], tuple[Triple, ...]]
-) -> list[LinkShape]:
-    """Return the collision shapes of a link.
-
-    Parameters
-    ----------
-    frame
-        Frame of the link, relative to the joint that moves it.
-    read_mesh
-        Reads the corners of a mesh's convex hull, by name and scale.
-
-    Raises
-    ------
-    UrdfError
-        If a shape is not supported.
-    """
-    shapes = []
-    for collision in link.all("collision"):
-        geometry = collision.first("geometry")
-        shape = geometry.children[0] if geometry is not None and geometry.children else None
-        if shape is None:
-            name = link.attributes["name"]
-            raise UrdfError(f"a <collision> of link {name!r} has no shape", line=collision.line)
-        try:
-            shapes.append(_read_shape(shape, frame.then(read_pose(collision)), read_mesh))
-        except ValueError as error:
-            raise UrdfError(str(error).rstrip("."), line=shape.line) from None
-    return shapes
-
-
-def _read_shape(
-    shape: Element, frame: Rigid, read_mesh: Callable[[str, Triple], tuple[Triple, ...]]
-) -> LinkShape:
-    if shape.tag == "box":
-        sides = read_numbers(shape, "size", (0.0, 0.0, 0.0), MOST_LENGTH_M)
-        if min(sides) <= 0:
-            raise ValueError(f"a box has the size {sides}")
-        corners = [
-            frame.apply((a * sides[0] / 2, b * sides[1] / 2, c * sides[2] / 2))
-            for a, b, c in product((-1, 1), repeat=3)
-        ]
-        return Hull(tuple(corners))
-    if shape.tag == "sphere":
-        return Capsule(frame.origin, frame.origin, read_number(shape, "radius", most=MOST_LENGTH_M))
-    if shape.tag == "cylinder":
-        half_m = read_number(shape, "length", most=MOST_LENGTH_M) / 2
-        ends = frame.apply((0.0, 0.0, -half_m)), frame.apply((0.0, 0.0, half_m))
-        return Rod(*ends, read_number(shape, "radius", most=MOST_LENGTH_M))
-    if shape.tag == "mesh":
-        name = shape.attributes.get("filename", "")
-        corners = [
-            frame.apply(corner)
-            for corner in read_mesh(name, read_numbers(shape, "scale", _ONE_URDF))
-        ]
-        return Hull(tuple(corners))
-    raise ValueError(f"<{shape.tag}> is no shape of a link; give box, cylinder, sphere or mesh")
-
-
-ReadMesh = Callable[[str, Triple], tuple[Triple, ...]]
-"""Reads the corners of a mesh's convex hull [m], by name and scale."""
+ReadMesh = Callable[[str, Triple], Sequence[tuple[Triple, ...]]]
+"""Reads the corners of the convex pieces of a mesh [m], by name and scale; none if it is empty."""
 
 # A URDF has no accelerations: a joint takes this long to reach its greatest speed [s].
 _SPEEDING_UP_S = 0.25
-_JOINTS = (6, 7)
+# Speeds of joints without one [rad/s] and [m/s].
+_ASSUMED_RAD_PER_S, _ASSUMED_M_PER_S = 1.0, 0.25
+# Density of a link whose inertia no body has [kg/m3].
+_ASSUMED_KG_PER_M3 = 1_500.0
+MOST_JOINTS = 8
+"""Greatest number of moving joints from the base to the tip."""
+
+LEAST_JOINTS = 4
+"""Least number of them."""
+
 _MOST_LINKS = 200
 # Limit for the whole arm: each pair of links is tested for contact.
 _MOST_SHAPES = 400
 # A slower joint would take months for a turn.
-_LEAST_SPEED_RAD_PER_S = 1e-6
+_LEAST_SPEED = 1e-6
 _FULL_TURN = 2 * math.pi
-_MOVING = ("revolute", "continuous")
+# Larger limits [rad] and speeds [rad/s] are rather degrees.
+_DOUBTED_RAD, _DOUBTED_RAD_PER_S = 4 * math.pi + 0.1, 40.0
+_MOVING = ("revolute", "continuous", "prismatic")
+# A base on such a joint is placed by the task.
+_LOOSE = ("floating", "planar")
+# Elements of xacro that are no macros, and change a file.
+_XACRO_WORDS = frozenset(
+    {"include", "if", "unless", "insert_block", "call", "element", "attribute"}
+)
+_TIP_NAMES = (
+    "tool0",
+    "flange",
+    "ee_link",
+    "link_ee",
+    "end_effector",
+    "tcp",
+    "tool_link",
+    "tool_frame",
+    "tool",
+    "ee",
+)
 
 
 def read_urdf(
@@ -314,35 +297,278 @@ def read_urdf(
 
     Parameters
     ----------
+    content
+        The file, without xacro that is used.
     tip
         Link that holds hands: z of its frame points out of it.
     home_rad
-        Home posture [rad]; None for angles of 0, or the nearest limit.
+        Home posture [rad], of prismatic joints [m]; None for a posture that `find_home` finds.
 
     Raises
     ------
     UrdfError
         If the file does not describe a supported arm.
     """
-    try:
-        root = parse_xml(content)
-    except XmlError as error:
-        raise UrdfError(str(error), line=error.line) from None
-    _refuse_xacro(root)
+    return parse_urdf(content, read_mesh).arm(tip, home_rad)
+
+
+def parse_urdf(content: bytes, read_mesh: ReadMesh) -> UrdfTree:
+    """Return the links and joints of a URDF.
+
+    Raises
+    ------
+    UrdfError
+        If the file is no URDF, or its tree is broken.
+    """
+    root = parse_root(content)
+    xacro = find_xacro(root)
+    if xacro.first_use is not None:
+        line, used = xacro.first_use
+        raise UrdfError(f"{used} is xacro, a language of macros; expand it first", line=line)
     if root.tag != "robot":
         raise UrdfError(f"its root is <{root.tag}>, where a URDF has <robot>", line=root.line)
-    return _Tree(root, read_mesh).arm(tip, home_rad)
+    tree = UrdfTree(root, read_mesh)
+    if xacro.unused:
+        count = f"{xacro.unused} xacro element{'s' if xacro.unused > 1 else ''}"
+        tree.notes.append(f"{count} passed over, because nothing uses them")
+    return tree
 
 
-class _Tree:
-    """Links and joints of a file, by name."""
+def parse_root(content: bytes) -> Element:
+    """Return the root of an XML file.
+
+    Raises
+    ------
+    UrdfError
+        If it is not XML, or too large.
+    """
+    try:
+        return parse_xml(content)
+    except XmlError as error:
+        raise UrdfError(str(error), line=error.line) from None
+
+
+@dataclass(frozen=True, slots=True)
+class Xacro:
+    """Elements of xacro in a file.
+
+    Parameters
+    ----------
+    first_use
+        Line and text of the first element or attribute that needs expansion, if any.
+    unused
+        Number of definitions that nothing uses.
+    """
+
+    first_use: tuple[int, str] | None
+    unused: int
+
+
+def find_xacro(root: Element) -> Xacro:
+    """Return the use of xacro in a file; a declared name space alone is no use."""
+    prefixes = {
+        key.removeprefix("xmlns:") + ":"
+        for key, value in root.attributes.items()
+        if key.startswith("xmlns:") and "xacro" in value
+    } | {"xacro:"}
+    definitions = {prefix + name for prefix in prefixes for name in ("property", "arg", "macro")}
+    unused, uses = 0, []
+    waiting = [root]
+    macros = {
+        element.attributes.get("name") for element in root.children if element.tag in definitions
+    }
+    includes = any(
+        element.tag in {f"{prefix}include" for prefix in prefixes} for element in root.children
+    )
+    while waiting:
+        element = waiting.pop()
+        if element.tag in definitions:
+            unused += 1
+            continue
+        if element.tag.startswith(tuple(prefixes)):
+            # A call of a macro that the file does not have was left over by an expansion.
+            name = element.tag.partition(":")[2]
+            if not includes and name not in macros and name not in _XACRO_WORDS:
+                unused += 1
+                continue
+            uses.append((element.line, f"<{element.tag}>"))
+        for value in element.attributes.values():
+            start = min((value.find(mark) for mark in ("${", "$(") if mark in value), default=-1)
+            if start >= 0:
+                uses.append((element.line, value[start : start + 40]))
+        waiting += element.children
+    return Xacro(min(uses, default=None), unused)
+
+
+def read_shapes(
+    link: Element, frame: Rigid, read_mesh: ReadMesh, notes: Notes | None = None
+) -> list[LinkShape]:
+    """Return the collision shapes of a link, or its visual ones if it has none.
+
+    Parameters
+    ----------
+    frame
+        Frame of the link, relative to the joint that moves it.
+
+    Raises
+    ------
+    UrdfError
+        If a shape is not supported.
+    """
+    notes = Notes() if notes is None else notes
+    name = link.attributes["name"]
+    elements = list(link.all("collision"))
+    is_visual = not elements
+    if is_visual:
+        elements = list(link.all("visual"))
+        if elements:
+            notes.visual.append(name)
+    shapes: list[LinkShape] = []
+    for element in elements:
+        geometry = element.first("geometry")
+        shape = geometry.children[0] if geometry is not None and geometry.children else None
+        if shape is None:
+            raise UrdfError(f"a <{element.tag}> of link {name!r} has no shape", line=element.line)
+        try:
+            own = _read_shape(shape, frame.then(read_pose(element)), read_mesh)
+        except ValueError as error:
+            raise UrdfError(str(error).rstrip("."), line=shape.line) from None
+        except UrdfError:
+            # A URDF without collision shapes is whole without its pictures, too.
+            if not (is_visual and shape.tag == "mesh"):
+                raise
+            notes.unread.append(name)
+            continue
+        if not own:
+            what = shape.attributes.get("filename", f"<{shape.tag}>")
+            notes.empty.append(f"{name} ({what[-60:]})")
+        shapes += own
+    return shapes
+
+
+def _read_shape(shape: Element, frame: Rigid, read_mesh: ReadMesh) -> list[LinkShape]:
+    if shape.tag == "box":
+        sides = read_numbers(shape, "size", (0.0, 0.0, 0.0), MOST_LENGTH_M)
+        if min(sides) < 0:
+            raise ValueError(f"a box has the size {sides}")
+        if min(sides) == 0:
+            return []
+        corners = [
+            frame.apply((a * sides[0] / 2, b * sides[1] / 2, c * sides[2] / 2))
+            for a, b, c in product((-1, 1), repeat=3)
+        ]
+        return [Hull(tuple(corners))]
+    if shape.tag == "sphere":
+        radius_m = read_number(shape, "radius", most=MOST_LENGTH_M)
+        return [Capsule(frame.origin, frame.origin, radius_m)] if radius_m else []
+    if shape.tag in ("cylinder", "capsule"):
+        half_m = read_number(shape, "length", most=MOST_LENGTH_M) / 2
+        ends = frame.apply((0.0, 0.0, -half_m)), frame.apply((0.0, 0.0, half_m))
+        radius_m = read_number(shape, "radius", most=MOST_LENGTH_M)
+        if not radius_m or (not half_m and shape.tag == "cylinder"):
+            return []
+        return [Rod(*ends, radius_m) if shape.tag == "cylinder" else Capsule(*ends, radius_m)]
+    if shape.tag == "mesh":
+        name = shape.attributes.get("filename", "")
+        pieces = read_mesh(name, read_numbers(shape, "scale", _ONE_URDF))
+        return [Hull(tuple(frame.apply(corner) for corner in corners)) for corners in pieces]
+    raise ValueError(
+        f"<{shape.tag}> is no shape of a link; give box, cylinder, capsule, sphere or mesh"
+    )
+
+
+@dataclass
+class Notes:
+    """Names of elements about which a reader made an assumption, by assumption."""
+
+    visual: list[str] = field(default_factory=list)
+    unread: list[str] = field(default_factory=list)
+    empty: list[str] = field(default_factory=list)
+    massless: list[str] = field(default_factory=list)
+    impossible: list[str] = field(default_factory=list)
+    speeds: list[str] = field(default_factory=list)
+    torques: list[str] = field(default_factory=list)
+    locked: list[str] = field(default_factory=list)
+    still: list[str] = field(default_factory=list)
+    beyond: list[str] = field(default_factory=list)
+    followers: list[str] = field(default_factory=list)
+    degrees: list[str] = field(default_factory=list)
+    fast: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Return one clause for each assumption."""
+        texts = (
+            (
+                self.visual,
+                "no <collision> of {}: the <visual> shapes are used",
+            ),
+            (self.unread, "unreadable <visual> meshes of {}: no shape"),
+            (self.empty, "no volume in a shape of {}: left out"),
+            (
+                self.massless,
+                "no mass of {}: weights are not checked, and engines take "
+                f"{_ASSUMED_KG_PER_M3:,.0f} kg/m3",
+            ),
+            (self.impossible, "an inertia that no body has, of {}: that of a ball is used"),
+            (
+                self.speeds,
+                f"no speed of {{}}: {_ASSUMED_RAD_PER_S:g} rad/s, or {_ASSUMED_M_PER_S:g} m/s, is "
+                "assumed",
+            ),
+            (self.torques, "no effort of {}: torques are not checked"),
+            (self.locked, "no range of {}: locked"),
+            (self.still, "joints beside the chain stand still: {}"),
+            (
+                self.beyond,
+                "joints beyond the tip, {}: left out with all that they carry, because tools are "
+                "part of the task",
+            ),
+            (
+                self.degrees,
+                "limits of {} rad: are these degrees? One turn either way at most is used",
+            ),
+            (self.fast, "speeds of {} rad/s: are these degrees per second?"),
+            (self.followers, "shapes that follow a joint of the chain, {}: left out"),
+        )
+        told = [words.format(_join_names(names)) for names, words in texts if names]
+        return (*told, *self.doubts)
+
+
+_MOST_NAMES = 8
+
+
+def _join_names(names: Sequence[str]) -> str:
+    shown = list(dict.fromkeys(names))
+    more = len(shown) - _MOST_NAMES
+    return ", ".join(shown[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+@dataclass(frozen=True, slots=True)
+class _Segment:
+    """A joint of the chain as read: moving, or at rest in `still`."""
+
+    element: Element
+    still: Rigid | None
+
+
+class UrdfTree:
+    """Links and joints of a file, by name.
+
+    Attributes
+    ----------
+    notes
+        Sentences on the file that hold for any tip.
+    """
 
     def __init__(self, root: Element, read_mesh: ReadMesh) -> None:
         self.name = root.attributes.get("name") or "robot"
         self.read_mesh = read_mesh
+        self.notes: list[str] = []
         self.links = index_by_name(root, "link")
         self.joints = index_by_name(root, "joint")
         self.above: dict[str, Element] = {}
+        self.below: dict[str, list[Element]] = {}
         if len(self.links) > _MOST_LINKS:
             raise UrdfError(f"it has more than {_MOST_LINKS} links; keep the arm alone")
         shapes = sum(1 for link in self.links.values() for _ in link.all("collision"))
@@ -351,79 +577,143 @@ class _Tree:
                 f"its links have {shapes:,} collision shapes, where {_MOST_SHAPES} are the most; "
                 "give fewer and simpler ones"
             )
+        faults = _Faults()
         for name, joint in self.joints.items():
-            self._check_joint(name, joint)
+            faults.collect(self._check_joint, name, joint)
+        faults.settle()
 
     def arm(self, tip: str | None, home_rad: Sequence[float] | None) -> ArmDescription:
-        """Return the arm that ends at a link."""
+        """Return the arm that ends at a link; see `read_urdf`."""
         chain = self._chain(self._tip(tip))
-        moving = [joint for joint in chain if joint.attributes["type"] in _MOVING]
-        for joint in self.joints.values():
-            if joint not in chain and joint.attributes["type"] != "fixed":
-                raise UrdfError(
-                    f"joint {joint.attributes['name']!r} moves, and is not between base and tip; "
-                    "leave it out, or make it fixed",
-                    line=joint.line,
-                )
-        if len(moving) not in _JOINTS:
+        notes, faults = Notes(), _Faults()
+        _refuse_blank_limits(chain)
+        segments = [
+            segment
+            for joint in chain
+            if (segment := faults.collect(_read_segment, joint, notes)) is not None
+        ]
+        faults.settle()
+        moving = [segment for segment in segments if segment.still is None]
+        if not LEAST_JOINTS <= len(moving) <= MOST_JOINTS:
+            verb = "joint moves" if len(moving) == 1 else "joints move"
             raise UrdfError(
-                f"{len(moving)} joints move between its base and {tip!r}; an arm has 6 or 7",
+                f"{len(moving)} {verb} between its base and {tip!r}; an arm has "
+                f"{LEAST_JOINTS} to {MOST_JOINTS}",
                 key="tip",
             )
-        base = chain[0].first("parent")
-        assert base is not None
-        bodies = [self._body(base.attributes["link"], Rigid())]
-        joints: list[Joint] = []
+        bodies = _Bodies(self, segments, notes, faults)
+        own_joints: list[Joint] = []
+        parts = [bodies.collect(_get_end(chain[0], "parent"), is_last=False)]
         before = Rigid()
-        for joint in chain:
-            before = before.then(read_pose(joint))
-            if joint.attributes["type"] == "fixed":
+        for segment in segments:
+            before = before.then(read_pose(segment.element))
+            if segment.still is not None:
+                before = before.then(segment.still)
                 continue
-            child = joint.first("child")
-            assert child is not None
-            bodies.append(self._body(child.attributes["link"], Rigid()))
-            inertia = _build_inertia(joint, bodies[-1][0])
-            joints.append(_build_joint(joint, before.transform, inertia))
+            parts.append(bodies.collect(_get_end(segment.element, "child"), segment is moving[-1]))
+            inertia = faults.collect(_build_inertia, segment.element, parts[-1][0], notes)
+            joint = faults.collect(_build_joint, segment.element, before.transform, inertia, notes)
+            own_joints += [] if joint is None else [joint]
             before = Rigid()
-        return self._described(joints, before.transform, home_rad, bodies)
+        faults.settle()
+        shapes = tuple(tuple(own_shapes) for _, own_shapes in parts)
+        return self._described(own_joints, before.transform, home_rad, shapes, notes)
 
     def _described(
         self,
         joints: list[Joint],
         tip: Transform,
         home_rad: Sequence[float] | None,
-        bodies: list[tuple[list[Mass], list[LinkShape]]],
+        shapes: tuple[tuple[LinkShape, ...], ...],
+        notes: Notes,
     ) -> ArmDescription:
-        if home_rad is None:
-            home_rad = [min(max(0.0, joint.low_rad), joint.high_rad) for joint in joints]
-        if len(home_rad) != len(joints):
+        if home_rad is not None and len(home_rad) != len(joints):
             message = f"{len(home_rad)} angles, where the arm has {len(joints)} joints"
             raise UrdfError(message, key="home_rad")
-        shapes = tuple(tuple(own_shapes) for _, own_shapes in bodies)
-        return ArmDescription(
-            self.name, tuple(joints), tip, tuple(home_rad), shapes if any(shapes) else ()
+        near = tuple(min(max(0.0, joint.low_rad), joint.high_rad) for joint in joints)
+        if len(joints) < 6:
+            notes.doubts.append(
+                f"{len(joints)} joints move, so the hand takes only some orientations at a place"
+            )
+        arm = ArmDescription(
+            self.name,
+            tuple(joints),
+            tip,
+            near if home_rad is None else tuple(home_rad),
+            shapes if any(shapes) else (),
+            assumptions=(*self.notes, *notes.sentences()),
         )
+        if home_rad is not None:
+            return arm
+        # Imports numpy and scipy.
+        from skillplan.robots.home_posture import find_home
+
+        return replace(arm, home_rad=find_home(arm))
+
+    def list_tips(self) -> list[tuple[str, int]]:
+        """Return possible tips and the number of moving joints to each, the likeliest first.
+
+        A tip is a link after which nothing moves, or several joints move side by side, as fingers
+        do. Links with the usual names of a flange come first.
+        """
+        tips = []
+        for link in self.links:
+            joints = 0
+            above = self.above.get(link)
+            steps = 0
+            while above is not None and steps <= len(self.joints):
+                joints += above.attributes["type"] in _MOVING
+                above = self.above.get(_get_end(above, "parent"))
+                steps += 1
+            if LEAST_JOINTS <= joints <= MOST_JOINTS and self._ends_chain(link):
+                tips.append((link, joints))
+        tips.sort(key=lambda tip: (_rank_name(tip[0])[0], self._is_finger(tip[0]), -tip[1], tip[0]))
+        return tips
+
+    def _is_finger(self, link: str) -> bool:
+        """Return whether several joints move side by side before a link, as fingers do."""
+        above = self.above.get(link)
+        while above is not None and above.attributes["type"] not in _MOVING:
+            above = self.above.get(_get_end(above, "parent"))
+        if above is None:
+            return False
+        body = _get_end(above, "parent")
+        return sum(self.moves(joint) for joint in self.below.get(body, ())) > 1
+
+    def _ends_chain(self, link: str) -> bool:
+        """Return whether no joint moves after a link, or several do side by side."""
+        moving = [joint for joint in self.below.get(link, ()) if self.moves(joint)]
+        others = [joint for joint in self.below.get(link, ()) if not self.moves(joint)]
+        return len(moving) > 1 or (not moving and (not others or _rank_name(link)[0] == 0))
+
+    def moves(self, joint: Element) -> bool:
+        """Return whether a joint moves, or any joint after it."""
+        waiting, steps = [joint], 0
+        while waiting and steps <= len(self.joints):
+            here = waiting.pop()
+            steps += 1
+            if here.attributes["type"] in _MOVING:
+                return True
+            waiting += self.below.get(_get_end(here, "child"), ())
+        return False
 
     def _check_joint(self, name: str, joint: Element) -> None:
         kind = joint.attributes.get("type", "")
-        if joint.first("mimic") is not None:
-            raise UrdfError(
-                f"joint {name!r} mimics another; leave the hand out, as tools are part of the task",
-                line=joint.line,
-            )
-        if kind not in (*_MOVING, "fixed"):
+        if kind not in (*_MOVING, *_LOOSE, "fixed"):
             raise UrdfError(
                 f"joint {name!r} is {kind or 'of no type'}; an arm's joints are revolute, "
-                "continuous or fixed",
+                "continuous, prismatic or fixed",
                 line=joint.line,
             )
         for end in ("parent", "child"):
             element = joint.first(end)
             link = None if element is None else element.attributes.get("link")
-            if link not in self.links:
+            if link == "world" and end == "parent" and link not in self.links:
+                self.links[link] = Element("link", {"name": link}, joint.line)
+                self.notes.append(f"link {link!r} is not described: taken as a mere frame")
+            if link is None or link not in self.links:
                 raise UrdfError(f"joint {name!r} has no {end} link that exists", line=joint.line)
             if end == "child":
-                assert link is not None
                 if link in self.above:
                     raise UrdfError(
                         f"link {link!r} hangs on two joints, {name!r} and "
@@ -431,17 +721,18 @@ class _Tree:
                         line=joint.line,
                     )
                 self.above[link] = joint
+        self.below.setdefault(_get_end(joint, "parent"), []).append(joint)
 
     def _tip(self, tip: str | None) -> str:
+        if tip is not None and tip in self.links:
+            return tip
+        likely = [link for link, _ in self.list_tips()]
         if tip is None:
-            raise UrdfError("give 'tip', the link that hands are fixed to", key="model")
-        if tip not in self.links:
-            ends = [link for link in self.links if not self._below(link)] or list(self.links)
-            raise UrdfError(f"there is no link {tip!r}; it ends in {', '.join(ends[:6])}", "tip")
-        return tip
-
-    def _below(self, link: str) -> list[Element]:
-        return [joint for joint in self.joints.values() if _get_end(joint, "parent") == link]
+            names = f", such as {_join_names(likely[:3])}" if likely else ""
+            raise UrdfError(f"give 'tip', the link that hands are fixed to{names}", key="model")
+        ends = likely or [link for link in self.links if link not in self.below]
+        ends = ends or list(self.links)
+        raise UrdfError(f"there is no link {tip!r}; it ends in {', '.join(ends[:6])}", "tip")
 
     def _chain(self, tip: str) -> list[Element]:
         """Return the joints from the base to a link."""
@@ -458,52 +749,242 @@ class _Tree:
             raise UrdfError(f"nothing leads to {tip!r}; give the link at the arm's end", key="tip")
         return chain[::-1]
 
-    @property
-    def _fixed(self) -> list[Element]:
-        """The joints that fix links to each other."""
-        return [joint for joint in self.joints.values() if joint.attributes["type"] == "fixed"]
 
-    def _body(self, link: str, frame: Rigid) -> tuple[list[Mass], list[LinkShape]]:
-        """Return masses and shapes of a link and of all links fixed to it, in a frame."""
-        element = self.links[link]
-        masses = [mass.seen_from(frame) for mass in _read_masses(element)]
-        shapes = read_shapes(element, frame, self.read_mesh)
-        for joint in self._fixed:
-            if _get_end(joint, "parent") == link:
-                others = self._body(_get_end(joint, "child"), frame.then(read_pose(joint)))
-                masses += others[0]
-                shapes += others[1]
+def _rank_name(link: str) -> tuple[int, str]:
+    """Return a sort key that puts the usual names of a flange first."""
+    own = link.lower()
+    usual = any(own == name or own.endswith("_" + name) for name in _TIP_NAMES)
+    return (0 if usual else 1, link)
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class _Faults:
+    """Faults of a file, which are raised together."""
+
+    def __init__(self) -> None:
+        self.errors: list[UrdfError] = []
+
+    def collect(
+        self, function: Callable[P, T], *arguments: P.args, **keywords: P.kwargs
+    ) -> T | None:
+        """Return the result of a function, or None if it raises a fault, which is kept."""
+        try:
+            return function(*arguments, **keywords)
+        except UrdfError as error:
+            self.errors.append(error)
+            return None
+
+    def settle(self) -> None:
+        """Raise the faults in one message, if there are any."""
+        if not self.errors:
+            return
+        lines = list(dict.fromkeys(str(error) for error in self.errors))
+        if len(lines) == 1:
+            raise self.errors[0]
+        shown = lines[:_MOST_NAMES]
+        more = f"; and {len(lines) - len(shown)} more" if len(lines) > len(shown) else ""
+        raise UrdfError(f"{len(lines)} faults: {'; '.join(shown)}{more}", self.errors[0].key)
+
+
+class _Bodies:
+    """Masses and shapes of what moves as one, by its first link."""
+
+    def __init__(
+        self, tree: UrdfTree, segments: Sequence[_Segment], notes: Notes, faults: _Faults
+    ) -> None:
+        self.tree, self.notes, self.faults = tree, notes, faults
+        self._chain = {segment.element.attributes["name"]: segment for segment in segments}
+
+    def collect(self, link: str, is_last: bool) -> tuple[list[Mass], list[LinkShape]]:
+        """Return masses and shapes of a link and of all that does not move against it.
+
+        Parameters
+        ----------
+        is_last
+            True for the body that holds the hand: joints after it are beyond the tip.
+        """
+        masses: list[Mass] = []
+        shapes: list[LinkShape] = []
+        waiting = [(link, Rigid())]
+        while waiting:
+            name, frame = waiting.pop(0)
+            element = self.tree.links[name]
+            masses += [
+                mass.seen_from(frame)
+                for mass in self.faults.collect(_read_masses, element, self.notes) or ()
+            ]
+            own = self.faults.collect(read_shapes, element, frame, self.tree.read_mesh, self.notes)
+            shapes += own or ()
+            for joint in self.tree.below.get(name, ()):
+                still = self._still(joint, is_last)
+                if still is not None:
+                    placed = frame.then(read_pose(joint)).then(still)
+                    waiting.append((_get_end(joint, "child"), placed))
         return masses, shapes
 
+    def _still(self, joint: Element, is_last: bool) -> Rigid | None:
+        """Return the motion of a joint at rest; None if its link moves or is left out."""
+        name = joint.attributes["name"]
+        if name in self._chain:
+            return self._chain[name].still
+        if is_last and self.tree.moves(joint):
+            self.notes.beyond += self._list_moving(joint)
+            return None
+        if joint.attributes["type"] not in _MOVING:
+            return Rigid()
+        leader = _find_leader(self.tree.joints, joint)
+        if leader in self._chain and self._chain[leader].still is None:
+            self.notes.followers.append(name)
+            return None
+        self.notes.still.append(name)
+        return self.faults.collect(_rest, self.tree.joints, joint)
 
-def _refuse_xacro(root: Element) -> None:
-    macros = any(child.tag.startswith("xacro:") for child in root.children)
-    if macros or any(name == "xmlns:xacro" for name in root.attributes):
-        raise UrdfError(
-            "it is written in xacro, a language of macros; expand it first: "
-            "xacro arm.urdf.xacro > arm.urdf",
-            line=root.line,
-        )
+    def _list_moving(self, joint: Element) -> list[str]:
+        moving, waiting = [], [joint]
+        while waiting:
+            here = waiting.pop(0)
+            if here.attributes["type"] in _MOVING:
+                moving.append(here.attributes["name"])
+            waiting += self.tree.below.get(_get_end(here, "child"), ())
+        return moving
 
 
-def _build_joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
+def _find_leader(joints: Mapping[str, Element], joint: Element) -> str:
+    """Return the name of the joint that a joint follows in the end, or its own."""
+    seen: set[str] = set()
+    while True:
+        name = joint.attributes["name"]
+        mimic = joint.first("mimic")
+        leader = None if mimic is None else joints.get(mimic.attributes.get("joint", ""))
+        if leader is None or name in seen:
+            return name
+        seen.add(name)
+        joint = leader
+
+
+def _rest(joints: Mapping[str, Element], joint: Element) -> Rigid:
+    """Return the motion of a joint beside the chain: at 0, its nearest limit, or as its leader."""
+    return _move(joint, _compute_rest(joints, joint, frozenset()))
+
+
+def _compute_rest(joints: Mapping[str, Element], joint: Element, seen: frozenset[str]) -> float:
+    """Return the angle [rad] or stroke [m] at which a joint beside the chain stands."""
     name = joint.attributes["name"]
+    mimic = joint.first("mimic")
+    leader = None if mimic is None else joints.get(mimic.attributes.get("joint", ""))
+    if mimic is not None and leader is not None and name not in seen:
+        factor = read_number(mimic, "multiplier", 1.0)
+        offset = read_number(mimic, "offset", 0.0)
+        return factor * _compute_rest(joints, leader, seen | {name}) + offset
     limit = joint.first("limit")
-    if limit is None:
-        raise UrdfError(f"joint {name!r} has no <limit>; give one", line=joint.line)
-    if joint.attributes["type"] == "continuous":
-        low, high = -_FULL_TURN, _FULL_TURN
-    else:
-        low, high = read_number(limit, "lower", 0.0), read_number(limit, "upper", 0.0)
-    speed = read_number(limit, "velocity")
-    if 0 < speed < _LEAST_SPEED_RAD_PER_S:
-        words = f"joint {name!r} turns at {speed:g} rad/s; {_LEAST_SPEED_RAD_PER_S:g} is the least"
-        raise UrdfError(words, line=limit.line)
+    if limit is None or joint.attributes["type"] == "continuous":
+        return 0.0
+    low, high = read_number(limit, "lower", 0.0), read_number(limit, "upper", 0.0)
+    return min(max(0.0, low), high) if low <= high else 0.0
+
+
+def _move(joint: Element, value: float) -> Rigid:
+    """Return the motion of a joint by an angle [rad] or a stroke [m]."""
+    if value == 0.0:
+        return Rigid()
+    axis = _read_axis(joint)
+    if joint.attributes["type"] == "prismatic":
+        return Rigid(origin=(axis[0] * value, axis[1] * value, axis[2] * value))
+    return Rigid.about(axis, value)
+
+
+def _read_axis(joint: Element) -> Triple:
+    """Return the unit vector of a joint's axis."""
     axis = joint.first("axis")
     direction = (1.0, 0.0, 0.0) if axis is None else read_numbers(axis, "xyz", (1.0, 0.0, 0.0))
     length = math.hypot(*direction)
     if length < 1e-9:
+        name = joint.attributes["name"]
         raise UrdfError(f"joint {name!r} has an axis of length 0", line=joint.line)
+    return (direction[0] / length, direction[1] / length, direction[2] / length)
+
+
+def _refuse_blank_limits(chain: Sequence[Element]) -> None:
+    """Raise if joints have only zeros as limits, which an exporter left to be filled in."""
+    blank = []
+    for joint in chain:
+        limit = joint.first("limit")
+        if joint.attributes["type"] not in ("revolute", "prismatic") or limit is None:
+            continue
+        values = (limit.attributes.get(key, "0") for key in ("lower", "upper", "velocity"))
+        if all(_is_zero(value) for value in values) and _is_zero(
+            limit.attributes.get("effort", "0")
+        ):
+            blank.append(joint)
+    if blank:
+        names = _join_names([joint.attributes["name"] for joint in blank])
+        verb = "are" if len(blank) > 1 else "is"
+        raise UrdfError(
+            f"range, speed and torque of {names} {verb} 0; fill in lower, upper, velocity and "
+            "effort of <limit>",
+            line=blank[0].line,
+        )
+
+
+def _is_zero(text: str) -> bool:
+    return bool(_DECIMAL.fullmatch(text.strip())) and float(text) == 0.0
+
+
+def _read_segment(joint: Element, notes: Notes) -> _Segment:
+    """Return a joint of the chain, at rest if it cannot move."""
+    name, kind = joint.attributes["name"], joint.attributes["type"]
+    if kind == "fixed":
+        return _Segment(joint, Rigid())
+    if kind in _LOOSE:
+        notes.still.append(name)
+        return _Segment(joint, Rigid())
+    limit = joint.first("limit")
+    if kind == "continuous":
+        return _Segment(joint, None)
+    if limit is None:
+        raise UrdfError(f"joint {name!r} has no <limit>; give one", line=joint.line)
+    low, high = read_number(limit, "lower", 0.0), read_number(limit, "upper", 0.0)
+    if low == high:
+        unit = "m" if kind == "prismatic" else "rad"
+        notes.locked.append(f"{name} (at {low:g} {unit})")
+        return _Segment(joint, _move(joint, low))
+    return _Segment(joint, None)
+
+
+def _build_joint(
+    joint: Element, placement: Transform, link: LinkInertia | None, notes: Notes
+) -> Joint:
+    name, kind = joint.attributes["name"], joint.attributes["type"]
+    limit = joint.first("limit") or Element("limit", {}, joint.line)
+    if joint.first("mimic") is not None:
+        raise UrdfError(
+            f"joint {name!r} between base and tip mimics another, which is not supported",
+            line=joint.line,
+        )
+    if kind == "continuous":
+        low, high = -_FULL_TURN, _FULL_TURN
+    else:
+        low, high = read_number(limit, "lower", 0.0), read_number(limit, "upper", 0.0)
+    is_prismatic = kind == "prismatic"
+    speed = read_number(limit, "velocity", 0.0)
+    if 0 < speed < _LEAST_SPEED:
+        words = f"joint {name!r} turns at {speed:g} rad/s; {_LEAST_SPEED:g} is the least"
+        raise UrdfError(words, line=limit.line)
+    if speed == 0.0:
+        notes.speeds.append(name)
+        speed = _ASSUMED_M_PER_S if is_prismatic else _ASSUMED_RAD_PER_S
+    effort = read_number(limit, "effort", 0.0, most=math.inf)
+    if effort == 0.0:
+        notes.torques.append(name)
+    if not is_prismatic and max(abs(low), abs(high)) > _DOUBTED_RAD:
+        notes.degrees.append(f"{name} ({low:g} to {high:g})")
+        # More than a turn either way reaches no other place.
+        low, high = max(low, -_FULL_TURN), min(high, _FULL_TURN)
+    if not is_prismatic and speed > _DOUBTED_RAD_PER_S:
+        notes.fast.append(f"{name} ({speed:g})")
     try:
         return Joint(
             name,
@@ -512,16 +993,17 @@ def _build_joint(joint: Element, placement: Transform, link: LinkInertia) -> Joi
             high,
             speed,
             speed / _SPEEDING_UP_S,
-            # Files of industrial arms often have no effort, or an effort of 0.
-            read_number(limit, "effort", 0.0, most=math.inf) or None,
+            # An effort of 0 is an unknown one.
+            effort or None,
             link,
-            (direction[0] / length, direction[1] / length, direction[2] / length),
+            _read_axis(joint),
+            is_prismatic,
         )
     except ValueError as error:
         raise UrdfError(str(error).rstrip("."), line=limit.line) from None
 
 
-def _read_masses(link: Element) -> list[Mass]:
+def _read_masses(link: Element, notes: Notes) -> list[Mass]:
     inertial = link.first("inertial")
     if inertial is None:
         return []
@@ -529,20 +1011,34 @@ def _read_masses(link: Element) -> list[Mass]:
     kg = 0.0 if mass is None else read_number(mass, "value")
     if kg == 0.0:
         return []
-    if kg < 0 or inertia is None:
-        words = f"link {link.attributes['name']!r} has no mass and inertia that a body has"
-        raise UrdfError(words, line=inertial.line)
-    xx, yy, zz, xy, xz, yz = (
-        read_number(inertia, key, 0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    )
+    name = link.attributes["name"]
+    if kg < 0:
+        raise UrdfError(f"link {name!r} has a negative mass", line=inertial.line)
+    keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    zeros = (0.0,) * 6
+    tensor = zeros if inertia is None else tuple(read_number(inertia, key, 0.0) for key in keys)
+    try:
+        LinkInertia(kg, (0.0, 0.0, 0.0), tensor)  # type: ignore[arg-type]
+    except ValueError:
+        notes.impossible.append(name)
+        tensor = _compute_ball_tensor(kg)
+    xx, yy, zz, xy, xz, yz = tensor
     own = Mass(kg, (0.0, 0.0, 0.0), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     return [own.seen_from(read_pose(inertial))]
 
 
-def _build_inertia(joint: Element, masses: list[Mass]) -> LinkInertia:
+def _compute_ball_tensor(mass_kg: float) -> tuple[float, ...]:
+    """Return the inertia of a ball of the assumed density [kg m2]."""
+    radius_m = (3 * mass_kg / (4 * math.pi * _ASSUMED_KG_PER_M3)) ** (1 / 3)
+    own = 0.4 * mass_kg * radius_m**2
+    return (own, own, own, 0.0, 0.0, 0.0)
+
+
+def _build_inertia(joint: Element, masses: list[Mass], notes: Notes) -> LinkInertia | None:
     link = _get_end(joint, "child")
     if not masses:
-        raise UrdfError(f"link {link!r} has no mass; give it <inertial>", line=joint.line)
+        notes.massless.append(link)
+        return None
     whole = sum_masses(masses)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = whole.tensor
     try:

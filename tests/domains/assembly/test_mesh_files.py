@@ -18,11 +18,12 @@ from skillplan.domains.assembly import (
     SUFFIXES,
     ArmFileError,
     MeshFileError,
+    arm_files,
+    arm_meshes,
     mesh_files,
     parse_mesh,
     read_arm,
     read_mesh,
-    robot_schema,
 )
 from skillplan.task import Mesh
 from urdf_text import urdf
@@ -290,8 +291,8 @@ def test_a_mesh_that_an_arm_names_often_is_read_once_a_scale(tmp_path, monkeypat
         reads.append(suffix)
         return parse_mesh(content, suffix)
 
-    monkeypatch.setattr(mesh_files, "parse_mesh", count_reads)
-    arm = arm_of(tmp_path, *[0.1] * 100, 0.2)
+    monkeypatch.setattr(arm_meshes, "parse_mesh", count_reads)
+    arm = arm_of(tmp_path, *[0.11] * 100, 0.22)
     assert len(arm.shapes[3]) == 101
     assert arm.shapes[3][0] == arm.shapes[3][99] != arm.shapes[3][100]
     assert len(reads) == 2
@@ -315,7 +316,7 @@ def test_a_mesh_that_is_refused_is_read_once(tmp_path, monkeypatch):
 
 def test_meshes_of_an_arm_that_are_too_large_together_are_refused(tmp_path, monkeypatch):
     size = len(as_stl(WEDGE, WEDGE_FACES))
-    monkeypatch.setattr(robot_schema, "MAX_MESH_BYTES", 3 * size)
+    monkeypatch.setattr(arm_files, "MAX_MESH_BYTES", 3 * size)
     assert len(arm_of(tmp_path, 0.1, 0.2, 0.3).shapes[3]) == 3
     with pytest.raises(ArmFileError, match=r"Its meshes have more than \d+ MiB together"):
         arm_of(tmp_path, 0.1, 0.2, 0.3, 0.4)

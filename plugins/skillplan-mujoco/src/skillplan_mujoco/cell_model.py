@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from skillplan.robots.arm_description import Capsule, Hand, Hull, Joint, Rod
 from skillplan.task.scene import Body, Robot
 from skillplan.task.shape import Box, Cylinder, Shape
+from skillplan_pinocchio.arm_model import assume_masses
 from skillplan_pinocchio.kinematics.serial_arm import make_placement
 from skillplan_pinocchio.mass_properties import compute_mass_properties
 from skillplan_simulation.robot_shapes import Block, Piece, make_body_pieces, make_jaw_pieces
@@ -261,7 +262,7 @@ def format_joint_name(number: int) -> str:
 
 
 def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand], friction: float) -> None:
-    model = robot.model
+    model = assume_masses(robot.model)
     here = spec.worldbody.add_body(
         name=ROBOT, pos=robot.base, quat=_convert_rotation(np.array(robot.mount.rotation))
     )
@@ -296,9 +297,11 @@ def _add_link(before: Any, number: int, joint: Joint) -> Any:
         link.mass = joint.link.mass_kg
         link.ipos = frame.act(np.array(joint.link.centre_m))
         link.fullinertia = (*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2])
-    hinge = link.add_joint(name=format_joint_name(number), type=mujoco.mjtJoint.mjJNT_HINGE)
-    hinge.axis = joint.axis
-    hinge.range = (joint.low_rad, joint.high_rad)
+    kinds = mujoco.mjtJoint
+    kind = kinds.mjJNT_SLIDE if joint.is_prismatic else kinds.mjJNT_HINGE
+    moving = link.add_joint(name=format_joint_name(number), type=kind)
+    moving.axis = joint.axis
+    moving.range = (joint.low_rad, joint.high_rad)
     return link
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, Final
 
@@ -15,8 +15,17 @@ import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
-from skillplan.robots.arm_description import ArmDescription, Capsule, Hand, Hull, LinkShape
+from skillplan.robots.arm_description import (
+    ArmDescription,
+    Capsule,
+    Hand,
+    Hull,
+    Joint,
+    LinkInertia,
+    LinkShape,
+)
 from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
 from skillplan.task.pose import Point, Pose, Quaternion
 from skillplan.task.scene import Robot
@@ -99,6 +108,51 @@ class LinkPiece:
             low = ends.min(axis=0) - self.shape.radius_m
             high = ends.max(axis=0) + self.shape.radius_m
         return (low + high) / 2, (high - low) / 2
+
+    @property
+    def volume_m3(self) -> float:
+        """Volume [m3]."""
+        if isinstance(self.shape, Hull):
+            return float(ConvexHull(np.array(self.shape.corners_m)).volume)
+        radius_m = self.shape.radius_m
+        ends_m3 = 4 / 3 * math.pi * radius_m**3 if isinstance(self.shape, Capsule) else 0.0
+        length_m = math.dist(self.shape.start_m, self.shape.end_m)
+        return math.pi * radius_m**2 * length_m + ends_m3
+
+
+# Density of links without a mass [kg/m3]; mass and half extent of those without a shape, too.
+_ASSUMED_KG_PER_M3: Final = 1_500.0
+_ASSUMED_KG, _ASSUMED_HALF_M = 0.1, 0.02
+
+
+@lru_cache(maxsize=8)
+def assume_masses(arm: ArmDescription) -> ArmDescription:
+    """Return an arm whose links all have a mass, for engines that move them.
+
+    Links without one get a density of 1,500 kg/m3 in their shapes.
+    """
+    if all(joint.link is not None for joint in arm.joints):
+        return arm
+    shapes = arm.shapes or ((),) * (len(arm.joints) + 1)
+    joints = tuple(_weigh(joint, own) for joint, own in zip(arm.joints, shapes[1:], strict=True))
+    return replace(arm, joints=joints)
+
+
+def _weigh(joint: Joint, shapes: Sequence[LinkShape]) -> Joint:
+    if joint.link is not None:
+        return joint
+    pieces = [LinkPiece(1, shape) for shape in shapes]
+    mass_kg = _ASSUMED_KG_PER_M3 * sum(piece.volume_m3 for piece in pieces)
+    low, high = np.full(3, -_ASSUMED_HALF_M), np.full(3, _ASSUMED_HALF_M)
+    if pieces:
+        low = np.min([piece.box[0] - piece.box[1] for piece in pieces], axis=0)
+        high = np.max([piece.box[0] + piece.box[1] for piece in pieces], axis=0)
+    mass_kg = max(mass_kg, _ASSUMED_KG)
+    x_m2, y_m2, z_m2 = (high - low) ** 2
+    tensor = [(y_m2 + z_m2), (x_m2 + z_m2), (x_m2 + y_m2)]
+    xx, yy, zz = (float(mass_kg * value / 12) for value in tensor)
+    x_m, y_m, z_m = ((low + high) / 2).tolist()
+    return replace(joint, link=LinkInertia(mass_kg, (x_m, y_m, z_m), (xx, yy, zz, 0.0, 0.0, 0.0)))
 
 
 # Several detectors may share an arm.

@@ -19,6 +19,7 @@ from skillplan.task.scene import Body, Robot, Scene
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.inverse_kinematics import Strokes
 from skillplan_pinocchio.kinematics.joint_path import JointPath
+from skillplan_pinocchio.kinematics.serial_arm import compute_strokes_m
 from skillplan_pinocchio.mass_properties import compute_mass_properties
 
 _GRAVITY_M_PER_S2 = 9.80665
@@ -39,19 +40,23 @@ class Overload:
         Torque that holds the arm still, and the joint's limit [Nm].
     carried
         Name of the carried body or tool.
+    is_force
+        True for a prismatic joint, whose figures are forces [N].
     """
 
     joint: str
     torque_nm: float
     limit_nm: float
     carried: str
+    is_force: bool = False
 
     @property
     def reason(self) -> str:
         """The reason as one clause."""
+        unit = "N" if self.is_force else "Nm"
         return (
-            f"{self.joint} would bear {self.torque_nm:.1f} Nm of gravity with {self.carried}, and "
-            f"its limit is {self.limit_nm:g} Nm"
+            f"{self.joint} would bear {self.torque_nm:.1f} {unit} of gravity with {self.carried}, "
+            f"and its limit is {self.limit_nm:g} {unit}"
         )
 
     def evidence(self, during: str) -> Mapping[str, Any]:
@@ -85,6 +90,8 @@ class GravityCheck:
         self._levers = np.array([inertia.lever for inertia in model.inertias[1:]])
         self._masses_kg = np.array([inertia.mass for inertia in model.inertias[1:]])
         self._axes = np.array([joint.axis for joint in arm.description.joints])
+        self._slides = np.array([joint.is_prismatic for joint in arm.description.joints])
+        self._strokes_m = compute_strokes_m(arm.description)
         self._tip = model.frames[model.getFrameId("tip")].placement
 
     def on_strokes(self, motion: LinearMotion, strokes: Strokes) -> Overload | None:
@@ -110,14 +117,19 @@ class GravityCheck:
         hand_m = [float(np.linalg.norm(self._tip.act(where))) for _, where in loads]
         loaded_kg_m = sum(kg * far_m for (kg, _), far_m in zip(loads, hand_m, strict=True))
         loaded_kg = sum(kg for kg, _ in loads)
-        bound_nm = self.most_nm + _GRAVITY_M_PER_S2 * (loaded_kg * self._beyond_m + loaded_kg_m)
+        moments = loaded_kg * self._beyond_m + loaded_kg_m
+        bears = np.where(self._slides, loaded_kg, moments)
+        bound_nm = self.most_nm + _GRAVITY_M_PER_S2 * bears
         return bool((bound_nm <= self.limits_nm).all())
 
     @cached_property
     def _beyond_m(self) -> Vector:
         """Greatest distance from each joint to the last one [m], shape (joints,)."""
         placements = self.arm.model.jointPlacements
-        lengths_m = [float(np.linalg.norm(placement.translation)) for placement in placements[1:]]
+        lengths_m = [
+            float(np.linalg.norm(placement.translation)) + stroke_m
+            for placement, stroke_m in zip(placements[1:], self._strokes_m, strict=True)
+        ]
         return np.array([sum(lengths_m[index + 1 :]) for index in range(len(lengths_m))])
 
     @cached_property
@@ -129,7 +141,8 @@ class GravityCheck:
             float((self._masses_kg[index:] * (far_m[index] - far_m[index:] + own_m[index:])).sum())
             for index in range(len(far_m))
         ]
-        return _GRAVITY_M_PER_S2 * np.array(moments)
+        weights = [float(self._masses_kg[index:].sum()) for index in range(len(far_m))]
+        return _GRAVITY_M_PER_S2 * np.where(self._slides, weights, moments)
 
     def _on(self, motion: LinearMotion, carried: str | None, path: JointPath) -> Overload | None:
         if self.is_safe(motion, carried):
@@ -148,6 +161,7 @@ class GravityCheck:
             float(worst_nm[index]),
             float(self.limits_nm[index]),
             carried or tool,
+            self.arm.description.joints[index].is_prismatic,
         )
 
     def torques_nm(self, postures_rad: Sequence[Vector], loads: Sequence[Load]) -> Vector:
@@ -170,6 +184,8 @@ class GravityCheck:
         moments = (
             axes[:, :, np.newaxis, 0] * arms[..., 1] - axes[:, :, np.newaxis, 1] * arms[..., 0]
         )
+        # A prismatic joint bears the part of the force along its axis.
+        moments = np.where(self._slides[:, np.newaxis], axes[:, :, np.newaxis, 2], moments)
         joints, count = len(self._masses_kg), len(forces_n)
         bears = np.arange(count)[np.newaxis] >= np.arange(joints)[:, np.newaxis]
         return np.asarray((moments * bears * forces_n).sum(axis=2))

@@ -242,6 +242,12 @@ def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
     """Return the joint step [rad] towards the pose first, and towards the posture second."""
     # Damping vanishes near the solution, where the step becomes Newton's.
     damping = min(_DAMPING, dot(twist, twist)) + 1e-12
+    if jacobian.shape[1] < len(twist):
+        # With missing joints no posture is left to prefer.
+        own = times(jacobian.T, jacobian) + damping * np.eye(jacobian.shape[1])
+        step = solve_linear(own, times(jacobian.T, twist))
+        size = float(np.abs(step).max())
+        return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
     inner = times(jacobian, jacobian.T) + damping * _IDENTITY
     if pull:
         back = pull * back

@@ -25,6 +25,7 @@ from skillplan.robots.arm_description import (
     Rod,
     Transform,
 )
+from skillplan_pinocchio.arm_model import assume_masses
 from skillplan_pinocchio.kinematics.serial_arm import make_placement
 from skillplan_simulation.kinematics import Vector, compute_rpy
 from skillplan_simulation.robot_shapes import Piece, make_body_pieces, make_jaw_pieces
@@ -92,6 +93,7 @@ def write_robot_file(description: ArmDescription, tip: Transform, hand: Hand) ->
     tip
         Pose of the jaws' ends on the flange.
     """
+    description = assume_masses(description)
     path = _FOLDER.new("urdf")
     path.write_text(_write_text(description, tip, hand, shaped=True), "utf-8")
     count = len(description.joints)
@@ -116,7 +118,7 @@ def _write_text(description: ArmDescription, tip: Transform, hand: Hand, *, shap
         limits = (joint.low_rad, joint.high_rad, torque_nm, joint.speed_rad_per_s)
         _add_joint(
             root,
-            "revolute",
+            "prismatic" if joint.is_prismatic else "revolute",
             names[number : number + 2],
             make_placement(joint.placement),
             joint.axis,

@@ -1,3 +1,5 @@
+from .arm_files import ArmFileError as ArmFileError
+from .arm_files import read_arm as read_arm
 from .board_generator import MOST_PARTS as MOST_PARTS
 from .board_generator import MOST_TOOLS as MOST_TOOLS
 from .board_generator import BoardGenerator as BoardGenerator
@@ -19,8 +21,6 @@ from .overview import find_hints as find_hints
 from .resting import TABLE as TABLE
 from .resting import find_bearers as find_bearers
 from .resting import find_goal_rests as find_goal_rests
-from .robot_schema import ArmFileError as ArmFileError
-from .robot_schema import read_arm as read_arm
 from .schema import AssemblyConfig as AssemblyConfig
 
 __all__ = [

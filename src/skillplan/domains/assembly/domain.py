@@ -8,7 +8,12 @@ from typing import Any
 from skillplan.domains.assembly.consistency import find_issues
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.layout_family import draw_layouts
-from skillplan.domains.assembly.overview import find_hints, list_choices, list_supports
+from skillplan.domains.assembly.overview import (
+    find_assumptions,
+    find_hints,
+    list_choices,
+    list_supports,
+)
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Domain, Overview
 from skillplan.errors import Issue
@@ -27,6 +32,10 @@ class AssemblyDomain(Domain):
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return faults of references, order and geometry."""
         return find_issues(config)
+
+    def warnings(self, config: Any) -> Iterable[Issue]:
+        """Return the assumptions of the arm's file, in one message."""
+        return find_assumptions(config)
 
     def hints(self, config: Any) -> Iterable[Issue]:
         """Return parts too wide for the hand, blocked feeders and dwells without effect."""

@@ -170,9 +170,6 @@ MAX_BYTES = 4 * 1024 * 1024
 SUFFIXES = (".obj", ".stl", ".ply")
 
 _MOST_EXTENT_M = 10.0
-# Number of directions that thin out larger surfaces: for a ball of 0.1 m, the surface stands out by
-# less than 0.2 mm between them.
-_DIRECTIONS = 1_000
 
 
 def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
@@ -199,49 +196,6 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
     if isinstance(polyhedron, MeshFileError):
         raise MeshFileError(str(polyhedron), polyhedron.key)
     return polyhedron
-
-
-def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...], bytes]:
-    """Return corners about a surface [m], convex or not, and the content of its file.
-
-    Of many corners, only the farthest ones in `_DIRECTIONS` evenly spread directions are kept.
-
-    Parameters
-    ----------
-    scale
-        Factors that convert lengths along x, y and z to metres.
-
-    Raises
-    ------
-    MeshFileError
-        If the file is elsewhere, unreadable or larger than `MAX_BYTES`, or contains no body.
-    """
-    content, suffix = read_content(folder, name)
-    corners, faces = parse_mesh(content, suffix)
-    if not len(faces) or not np.isfinite(corners).all():
-        raise MeshFileError("It holds no surface; save it as triangles.")
-    with np.errstate(over="ignore", invalid="ignore"):
-        used = corners[np.unique(faces)] * np.array(scale)
-        size = used.max(axis=0) - used.min(axis=0)
-    _check_size(size, 1.0)
-    if np.abs(used).max() > _MOST_EXTENT_M:
-        far = f"It lies {np.abs(used).max():g} m from its origin, where {_MOST_EXTENT_M:g} m"
-        raise MeshFileError(f"{far} are the most; move it there.")
-    used = np.unique(np.round(used, DECIMALS), axis=0)
-    if len(used) > _DIRECTIONS:
-        middle = used.mean(axis=0)
-        used = used[np.unique(np.argmax((used - middle) @ _spread_directions().T, axis=0))]
-    points = tuple((float(x), float(y), float(z)) for x, y, z in used)
-    return points, content
-
-
-def _spread_directions() -> Floats:
-    """Return evenly spread unit vectors (Fibonacci lattice)."""
-    number = np.arange(_DIRECTIONS) + 0.5
-    z = 1 - 2 * number / _DIRECTIONS
-    angle = math.pi * (1 + math.sqrt(5)) * number
-    flat = np.sqrt(1 - z * z)
-    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
 
 
 def read_content(folder: Path, name: str) -> tuple[bytes, str]:

@@ -26,6 +26,13 @@ _TOUCH_M = 2e-4
 _ROUNDING_M = 1e-6
 
 
+def find_assumptions(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield the assumptions about the arm that its file made necessary, as one message."""
+    arm = config.robot.arm
+    if arm.assumptions:
+        yield Issue(f"{arm.name}: {'; '.join(arm.assumptions)}.", ("robot", "model"))
+
+
 def find_hints(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield parts too wide for a hand, parts that block a feeder, and dwells without effect."""
     yield from _find_wide_grasps(config)

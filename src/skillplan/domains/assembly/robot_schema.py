@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import posixpath
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     Field,
@@ -19,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from skillplan.domains.assembly.arm_files import ArmFileError, read_arm
 from skillplan.domains.assembly.schema_types import (
     Angles,
     Extents,
@@ -30,9 +28,8 @@ from skillplan.domains.assembly.schema_types import (
     is_absent,
 )
 from skillplan.domains.domain import Name, Strict
-from skillplan.files.regular_file import CompanionFileError, find_companion, read_companion
 from skillplan.files.schema_errors import Located, continue_sentence, shown
-from skillplan.robots.arm_description import ArmDescription, Hand, Triple
+from skillplan.robots.arm_description import ArmDescription, Hand
 from skillplan.robots.catalogue import (
     ARMS,
     DEFAULT_ARM,
@@ -44,6 +41,11 @@ from skillplan.task.pose import Point, Pose, Quaternion
 
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
+FolderName = Annotated[str, Field(min_length=1, max_length=4096)]
+
+
+def _is_empty(value: Any) -> bool:
+    return not value
 
 
 class RobotConfig(Strict):
@@ -52,7 +54,19 @@ class RobotConfig(Strict):
     name: Name = Field("robot", description="the agent's name")
     model: Annotated[str, Field(min_length=1, max_length=4096)] = Field(
         DEFAULT_ARM,
-        description="panda, ur5e, or a URDF file in the task file's folder, or in a folder of it",
+        description="panda, ur5e, or a URDF or xacro file in the task file's folder, or in a "
+        "folder of it",
+    )
+    packages: Annotated[list[FolderName], Field(max_length=64)] = Field(
+        default_factory=list,
+        exclude_if=_is_empty,
+        description="of a URDF, folders of ROS packages, or folders that contain them; left out: "
+        "those around the file, and those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH",
+    )
+    xacro_args: dict[Name, str] = Field(
+        default_factory=dict,
+        exclude_if=_is_empty,
+        description="arguments of a xacro file; left out: its defaults",
     )
     base_m: Spatial = Field([0.0, 0.0, 0.0], description="base, x y z [m]")
     base_rpy_rad: Angles = Field(
@@ -64,10 +78,10 @@ class RobotConfig(Strict):
         description="of a URDF, the link to which the hand is fixed, its z pointing out; left out: "
         "there is none, as of panda and ur5e",
     )
-    home_rad: Annotated[list[JointAngle], Field(min_length=6, max_length=7)] | None = Field(
+    home_rad: Annotated[list[JointAngle], Field(min_length=4, max_length=8)] | None = Field(
         None,
-        description="posture with room for every joint, next to which others are preferred [rad]; "
-        "left out: that of the model, of a URDF all at 0",
+        description="posture with room for every joint, next to which others are preferred [rad], "
+        "of prismatic joints [m]; left out: that of the model, of a URDF one that is found",
     )
     home_m: Planar = Field(description="place of the tip at the start, x y [m]")
     reach_m: Length | None = Field(
@@ -108,7 +122,14 @@ class RobotConfig(Strict):
             return robot
         folder = Path((info.context or {}).get("folder", Path()))
         try:
-            robot._arm, robot._sha256 = read_arm(folder, robot.model, robot.tip, robot.home_rad)
+            robot._arm, robot._sha256 = read_arm(
+                folder,
+                robot.model,
+                robot.tip,
+                robot.home_rad,
+                robot.packages,
+                robot.xacro_args,
+            )
         except ArmFileError as error:
             words = str(error)
             if error.key == "model":
@@ -235,112 +256,3 @@ class ToolConfig(Strict):
         force_n = self.force_n if self.force_n is not None else hand.force_n
         assert math.isfinite(force_n)
         return replace(hand, jaw_m=jaw, jaw_corners_m=(), opening_m=opening_m, force_n=force_n)
-
-
-MAX_BYTES: Final = 4 * 1024 * 1024
-"""Greatest size of a URDF [B]."""
-
-MAX_MESH_BYTES: Final = 64 * 1024 * 1024
-"""Greatest total size of its meshes, counted once for each scale [B]."""
-
-_PACKAGE = "package://"
-
-
-class ArmFileError(Exception):
-    """A file does not describe a supported arm."""
-
-    def __init__(self, message: str, key: str = "model") -> None:
-        self.key = key
-        super().__init__(message)
-
-
-def read_arm(
-    folder: Path, name: str, tip: str | None, home_rad: Sequence[float] | None
-) -> tuple[ArmDescription, str]:
-    """Return the arm of a URDF file, and a hash of all files read.
-
-    Parameters
-    ----------
-    folder
-        Folder of the task file, which must contain the file.
-    home_rad
-        Home posture [rad]; None for the default.
-
-    Raises
-    ------
-    ArmFileError
-        If the file is elsewhere, unreadable, larger than `MAX_BYTES`, or describes no arm.
-    """
-    # Imports the XML reader, which named arms do not need.
-    from skillplan.robots.urdf import UrdfError, read_urdf
-
-    if name.lower().endswith(".xacro"):
-        raise ArmFileError(
-            "This is xacro, a language of macros; expand it first: xacro arm.urdf.xacro > arm.urdf."
-        )
-    if not name.lower().endswith(".urdf"):
-        raise ArmFileError(
-            "There is no such model; give panda, ur5e, or a file that ends in .urdf."
-        )
-    try:
-        path = find_companion(folder, name)
-        content = read_companion(path, MAX_BYTES, "robot")
-    except CompanionFileError as error:
-        raise ArmFileError(str(error)) from None
-    meshes = _Meshes(folder, posixpath.dirname(name), hashlib.sha256(content))
-    try:
-        arm = read_urdf(content, tip, home_rad, meshes.corners)
-    except UrdfError as error:
-        raise ArmFileError(f"{str(error)[:1].upper()}{str(error)[1:]}.", error.key) from None
-    except ValueError as error:
-        # The description is inconsistent: a home posture beyond limits, or repeated joint names.
-        key = "home_rad" if "home_rad" in str(error) else "model"
-        raise ArmFileError(str(error), key) from None
-    return arm, meshes.digest.hexdigest()
-
-
-class _Meshes:
-    """Reads meshes of a URDF, each file and scale once."""
-
-    def __init__(self, folder: Path, beside: str, digest: hashlib._Hash) -> None:
-        self.folder = folder
-        self.beside = beside
-        self.digest = digest
-        self._hulls: dict[tuple[str, Triple], tuple[Triple, ...]] = {}
-        self._left = MAX_MESH_BYTES
-
-    def corners(self, name: str, scale: Triple) -> tuple[Triple, ...]:
-        """Return the corners of the convex hull of a mesh [m]."""
-        # Imports trimesh and numpy.
-        from skillplan.domains.assembly.mesh_files import MeshFileError, read_hull
-        from skillplan.robots.urdf import UrdfError
-
-        refusal = MeshFileError("It names no file.")
-        for candidate in _list_candidates(name):
-            within = posixpath.normpath(posixpath.join(self.beside, candidate))
-            if (within, scale) in self._hulls:
-                return self._hulls[within, scale]
-            try:
-                corners, content = read_hull(self.folder, within, scale)
-            except MeshFileError as error:
-                refusal = error
-                continue
-            self._left -= len(content)
-            if self._left < 0:
-                raise UrdfError(
-                    f"its meshes have more than {MAX_MESH_BYTES // 1024**2} MiB together; save "
-                    "them with fewer triangles"
-                )
-            self.digest.update(hashlib.sha256(content).hexdigest().encode())
-            self._hulls[within, scale] = corners
-            return corners
-        words = str(refusal)
-        raise UrdfError(f"mesh {name[:200]!r}: {words[:1].lower()}{words[1:].rstrip('.')}")
-
-
-def _list_candidates(name: str) -> list[str]:
-    """Return possible paths of a mesh: relative to its package, or to the URDF."""
-    if not name.startswith(_PACKAGE):
-        return [name]
-    within = name.removeprefix(_PACKAGE)
-    return [within, within.partition("/")[2]]

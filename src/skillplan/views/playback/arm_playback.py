@@ -12,6 +12,7 @@ import numpy as np
 from skillplan.physics.linear_motions import build_tool_shapes
 from skillplan.physics.performance import Contact, PerformedSkill, Sample
 from skillplan.robots.arm_description import Hand
+from skillplan.robots.link_frames import make_matrix
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot, Scene, Tool, ToolKind
 from skillplan.task.skill import Skill
@@ -23,7 +24,6 @@ from skillplan.views.playback.tracks import (
     FRAMES_PER_S,
     Numbers,
     compute_link_frames,
-    make_matrix,
     make_rows,
 )
 

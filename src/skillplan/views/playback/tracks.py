@@ -3,49 +3,28 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.robots.arm_description import ArmDescription, Transform
-from skillplan.robots.urdf import Rigid
+from skillplan.robots import link_frames
+from skillplan.robots.arm_description import ArmDescription
 from skillplan.task.pose import Pose
 
 Numbers = NDArray[np.float64]
 
 
-def make_matrix(transform: Transform) -> Numbers:
-    """Return a transform as a matrix, shape (4, 4)."""
-    rigid = Rigid.of(transform.xyz_m, transform.rpy_rad)
-    return _fill_matrix(np.array(rigid.rows), np.array(rigid.origin))
-
-
 def make_pose_matrix(pose: Pose) -> Numbers:
     """Return a pose as a matrix, shape (4, 4)."""
-    return _fill_matrix(np.array(pose.rotation), np.array(pose.position))
-
-
-def _fill_matrix(rows: Numbers, origin: Numbers) -> Numbers:
     transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = rows, origin
+    transform[:3, :3], transform[:3, 3] = np.array(pose.rotation), np.array(pose.position)
     return transform
 
 
-def rotate_about(axis: Sequence[float], angles_rad: Numbers) -> Numbers:
-    """Return rotations about a unit axis, shape (n, 4, 4) (Rodrigues)."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotations = np.tile(np.eye(4), (len(angles_rad), 1, 1))
-    sine, versine = np.sin(angles_rad)[:, None, None], 1 - np.cos(angles_rad)[:, None, None]
-    rotations[:, :3, :3] += sine * skew + versine * (skew @ skew)
-    return rotations
-
-
 def compute_link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -> list[Numbers]:
-    """Return the frames of base, links and flange, each of shape (n, 4, 4).
+    """Return the frames of base, links and flange of a mounted arm, each of shape (n, 4, 4).
 
     Parameters
     ----------
@@ -54,11 +33,7 @@ def compute_link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -
     joints_rad
         Joint angles, shape (n, joints).
     """
-    frames = [np.tile(make_pose_matrix(mount), (len(joints_rad), 1, 1))]
-    for number, joint in enumerate(arm.joints):
-        placed = frames[-1] @ make_matrix(joint.placement)
-        frames.append(placed @ rotate_about(joint.axis, joints_rad[:, number]))
-    return [*frames, frames[-1] @ make_matrix(arm.tip)]
+    return link_frames.compute_link_frames(arm, joints_rad, make_pose_matrix(mount))
 
 
 def make_rows(frames: Numbers) -> Numbers:

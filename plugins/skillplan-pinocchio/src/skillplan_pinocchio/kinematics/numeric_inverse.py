@@ -76,8 +76,9 @@ class NumericInverse:
     def __init__(self, arm: SerialArm) -> None:
         self.arm = arm
         low, high = arm.low_rad, arm.high_rad
-        # Angles beyond one turn give no other poses.
-        half = np.minimum((high - low) / 2, math.pi)
+        # Angles beyond one turn give no other poses; strokes do.
+        turns = [math.inf if joint.is_prismatic else math.pi for joint in arm.description.joints]
+        half = np.minimum((high - low) / 2, turns)
         middle = (low + high) / 2
         self._starts = middle + half * (2 * _even_points(_SAMPLES, len(low)) - 1)
         self._features = np.array([_feature(arm.tip(start)) for start in self._starts])
@@ -196,9 +197,16 @@ class NumericInverse:
 
     def _step(self, jacobian: Vector, twist: Vector, square: float) -> Vector:
         """Return the joint step [rad], with less damping near the solution (Sugihara 2011)."""
-        inner = times(jacobian, jacobian.T)
-        inner.flat[::7] += _DAMPING * square + 1e-12
-        step = times(jacobian.T, solve_linear(inner, twist))
+        rows, joints = jacobian.shape
+        if joints < rows:
+            # The smaller system: the other one is singular for arms with missing joints.
+            inner = times(jacobian.T, jacobian)
+            inner.flat[:: joints + 1] += _DAMPING * square + 1e-12
+            step = solve_linear(inner, times(jacobian.T, twist))
+        else:
+            inner = times(jacobian, jacobian.T)
+            inner.flat[:: rows + 1] += _DAMPING * square + 1e-12
+            step = times(jacobian.T, solve_linear(inner, twist))
         size = float(np.abs(step).max())
         return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan.robots.arm_description import ArmDescription, LinkInertia, Transform
+from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
 
 Vector = NDArray[np.float64]
 
@@ -130,9 +130,11 @@ def build_model(
     model.name = description.name
     parent, before = 0, make_placement(base)
     for joint in description.joints:
-        kind = pin.JointModelRZ() if joint.axis == (0.0, 0.0, 1.0) else _turning(joint.axis)
-        parent = model.addJoint(parent, kind, before * make_placement(joint.placement), joint.name)
-        model.appendBodyToJoint(parent, _inertia(joint.link), make_placement(joint.link.frame))
+        placed = before * make_placement(joint.placement)
+        parent = model.addJoint(parent, _make_joint_model(joint), placed, joint.name)
+        if joint.link is not None:
+            frame = make_placement(joint.link.frame)
+            model.appendBodyToJoint(parent, _inertia(joint.link), frame)
         before = pin.SE3.Identity()
     model.lowerPositionLimit[:] = description.low_rad
     model.upperPositionLimit[:] = description.high_rad
@@ -144,8 +146,22 @@ def build_model(
     return model
 
 
-def _turning(axis: tuple[float, float, float]) -> Any:
-    return pin.JointModelRevoluteUnaligned(np.array(axis))
+def compute_strokes_m(description: ArmDescription) -> Vector:
+    """Return how far each prismatic joint moves from 0 at most [m], 0 for others."""
+    return np.array(
+        [
+            max(abs(joint.low_rad), abs(joint.high_rad)) if joint.is_prismatic else 0.0
+            for joint in description.joints
+        ]
+    )
+
+
+def _make_joint_model(joint: Joint) -> Any:
+    if joint.is_prismatic:
+        return pin.JointModelPrismaticUnaligned(np.array(joint.axis))
+    if joint.axis == (0.0, 0.0, 1.0):
+        return pin.JointModelRZ()
+    return pin.JointModelRevoluteUnaligned(np.array(joint.axis))
 
 
 def _inertia(link: LinkInertia) -> Any:

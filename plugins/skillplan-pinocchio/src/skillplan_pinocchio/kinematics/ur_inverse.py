@@ -64,7 +64,9 @@ class UrLengths:
             ends[4].xyz_m[2],
             ends[5].xyz_m[2],
         )
-        upright = all(joint.axis == (0.0, 0.0, 1.0) for joint in description.joints)
+        upright = all(
+            joint.axis == (0.0, 0.0, 1.0) and not joint.is_prismatic for joint in description.joints
+        )
         placed = (description.joints[0].placement, *ends)
         # If one of these is zero, some joints turn freely.
         whole = all((lengths.a2_m, lengths.a3_m, lengths.d4_m))

@@ -134,14 +134,19 @@ class ArmFrames:
     Parameters
     ----------
     model
-        The arm's `pinocchio.Model`, revolute joints only.
+        The arm's `pinocchio.Model`.
 
     Attributes
     ----------
     axes
         Unit vectors of the joint axes in their own frames, shape (joints, 3).
     spans_m
-        Distances of each joint's origin from the previous joint's axis and from its origin [m].
+        Greatest distances of each joint's origin from the previous joint's axis and from its
+        origin [m].
+    slides
+        Mask of the prismatic joints, shape (joints,).
+    strokes_m
+        How far a prismatic joint moves from 0 at most [m], 0 for others, shape (joints,).
     """
 
     def __init__(self, model: Any) -> None:
@@ -156,13 +161,25 @@ class ArmFrames:
         self._quarter = quarter - self._still - self._half
         cross = times(np.swapaxes(self._still, 1, 2), self._quarter)
         self.axes = np.stack([cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0]], axis=1)
-        self._offsets_m = np.array([placement.translation for placement in data.liMi][1:])
+        placements = list(model.jointPlacements)[1:]
+        self._offsets_m = np.array([placement.translation for placement in placements])
+        # At pi, after a prismatic joint has moved by as many metres.
+        shifts = np.array([placement.translation for placement in data.liMi][1:]) - self._offsets_m
+        self.slides: NDArray[np.bool_] = np.abs(shifts).max(axis=1) > 1e-6
+        # In the frame before the joint, per metre.
+        self._slides = np.where(self.slides[:, np.newaxis], shifts / np.pi, 0.0)
+        own_slides = times(np.swapaxes(self._still, 1, 2), self._slides[:, :, np.newaxis])[..., 0]
+        self.axes = np.where(self.slides[:, np.newaxis], own_slides, self.axes)
+        limits_m = np.maximum(np.abs(model.lowerPositionLimit), np.abs(model.upperPositionLimit))
+        self.strokes_m = np.where(self.slides, limits_m, 0.0)
         # The first joint has no predecessor.
         beside = np.cross(self._offsets_m, np.concatenate([np.zeros((1, 3)), self.axes[:-1]]))
         self.spans_m: list[tuple[float, float]] = [
             (float(from_axis_m), float(from_origin_m))
             for from_axis_m, from_origin_m in zip(
-                np.linalg.norm(beside, axis=1), np.linalg.norm(self._offsets_m, axis=1), strict=True
+                np.linalg.norm(beside, axis=1) + self.strokes_m,
+                np.linalg.norm(self._offsets_m, axis=1) + self.strokes_m,
+                strict=True,
             )
         ]
 
@@ -188,7 +205,12 @@ class ArmFrames:
         rotations[:, 0], origins[:, 0] = np.eye(3), 0.0
         for joint in range(joints):
             rotations[:, joint + 1] = times(rotations[:, joint], turns[:, joint])
-            moved = times(rotations[:, joint], self._offsets_m[joint])
+            if self.slides[joint]:
+                strokes = joints_rad[:, joint, np.newaxis] * self._slides[joint]
+                shift = (self._offsets_m[joint] + strokes)[:, :, np.newaxis]
+                moved = times(rotations[:, joint], shift)[..., 0]
+            else:
+                moved = times(rotations[:, joint], self._offsets_m[joint])
             origins[:, joint + 1] = origins[:, joint] + moved
         return rotations, origins
 
@@ -219,8 +241,9 @@ class ArmBodies:
         Number of fixed solids.
     reach_m
         Maximum distance of each solid's points from each joint axis in any posture [m]; 0 for
-        joints that do not move it. Shape (solids, joints). A path whose joints turn by at most some
-        steps moves no point of a solid by more than the sum of its reaches times these steps.
+        joints that do not move it, and 1 for prismatic joints. Shape (solids, joints). A path
+        whose joints move by at most some steps moves no point of a solid by more than the sum of
+        its reaches times these steps.
     pairs
         Numbers of solids that may collide, the one nearer to the base first. Neighbours and solids
         that overlap at home are left out.
@@ -362,7 +385,7 @@ def _compute_reach_m(frames: ArmFrames, solid: MovingSolid) -> Vector:
     from_axis_m = math.sqrt(max(float(from_axis.max()), 0.0)) + radius_m
     away_m = math.sqrt(float(squares.max())) + radius_m
     for joint in range(solid.joint, 0, -1):
-        reaches_m[joint - 1] = from_axis_m
+        reaches_m[joint - 1] = 1.0 if frames.slides[joint - 1] else from_axis_m
         beside_m, offset_m = frames.spans_m[joint - 1]
         from_axis_m = away_m + beside_m
         away_m += offset_m

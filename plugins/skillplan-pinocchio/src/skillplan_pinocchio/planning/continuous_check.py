@@ -333,12 +333,16 @@ class SelfCheck:
 
     @cached_property
     def _chain_m(self) -> Vector:
-        """Maximum distance of the last joint's origin from every joint's [m]."""
+        """Maximum distance of the last joint's origin from every joint's [m]; 1 if prismatic."""
+        frames = self._links.bodies.frames
         lengths_m = [
-            float(np.linalg.norm(placement.translation))
-            for placement in self.arm.model.jointPlacements
+            float(np.linalg.norm(placement.translation)) + stroke_m
+            for placement, stroke_m in zip(
+                self.arm.model.jointPlacements, (0.0, *frames.strokes_m), strict=True
+            )
         ]
-        return np.cumsum([0.0, *lengths_m[:1:-1]])[::-1]
+        chain_m = np.cumsum([0.0, *lengths_m[:1:-1]])[::-1]
+        return np.where(frames.slides, 1.0, chain_m)
 
     def _near(self, ends: list[_End], path: JointPath) -> list[_End]:
         """Return the pieces that come near the balls of links on a path.
@@ -389,7 +393,8 @@ class _Nearness:
         self._radii_m = spheres.ball_radii_m[others]
         self._rotations, self._origins = np.swapaxes(rotations[:, last], 1, 2), origins[:, last]
         turns = path.steepest / (2 * (len(path.nodes) - 1))
-        self._chain_m, self._turn_rad = float(turns @ chain_m), float(turns.sum())
+        turned = turns[~bodies.frames.slides]
+        self._chain_m, self._turn_rad = float(turns @ chain_m), float(turned.sum())
 
     def of(self, centres: Vector, radii_m: Vector) -> NDArray[np.bool_]:
         """Return a mask of the spheres that come near; centres are in the last joint's frame."""

@@ -15,8 +15,10 @@ from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.kinematics.fixed_order import length
+from skillplan_pinocchio.kinematics.serial_arm import compute_strokes_m
 from skillplan_pinocchio.planning.arm_bodies import (
     ArmBodies,
+    ArmFrames,
     MovingSolid,
     Vector,
     build_arm_solids,
@@ -122,10 +124,12 @@ def build_joint_space(model: Any, low_rad: Vector, high_rad: Vector) -> JointSpa
     low_rad, high_rad
         Joint limits, shape (joints,).
     """
+    frames = ArmFrames(model)
     tip = model.frames[model.getFrameId("tip")].placement.translation
     links = [*(placement.translation for placement in list(model.jointPlacements)[2:]), tip]
-    lengths_m = [length(link) for link in links]
-    reach_m = np.cumsum(lengths_m[::-1])[::-1]
+    strokes_m = (*frames.strokes_m[1:], 0.0)
+    lengths_m = [length(link) + stroke_m for link, stroke_m in zip(links, strokes_m, strict=True)]
+    reach_m = np.where(frames.slides, 1.0, np.cumsum(lengths_m[::-1])[::-1])
     # The last joint also moves what surrounds its own axis.
     return JointSpace(low_rad, high_rad, np.maximum(reach_m, 0.1))
 
@@ -133,6 +137,7 @@ def build_joint_space(model: Any, low_rad: Vector, high_rad: Vector) -> JointSpa
 # Number of intervals at whose ends a travel is sampled.
 _INTERVALS: Final = 8
 _SAG: Final = 1.5 / (8 * _INTERVALS**2)
+_SLID: Final = 2 / (8 * _INTERVALS**2)
 
 
 class TravelHeights:
@@ -158,15 +163,22 @@ class TravelHeights:
         self._axes = [np.array(joint.axis) for joint in arm.description.joints]
         _, centres, halves = arm.boxes
         joints, reach_m = arm.boxes[0], np.linalg.norm(np.abs(centres) + halves, axis=1)
-        spans_m = [float(np.linalg.norm(placement.translation)) for placement in placements]
+        self._slides = np.array([joint.is_prismatic for joint in arm.description.joints])
+        spans_m = [
+            float(np.linalg.norm(placement.translation)) + float(stroke_m)
+            for placement, stroke_m in zip(
+                placements, compute_strokes_m(arm.description), strict=True
+            )
+        ]
         # From the first joint's axis, which does not move, to the farthest point of each link.
         self._lengths_m = np.cumsum([0.0, *spans_m[1:]])
         self._tip_length_m = float(self._lengths_m[-1] + np.linalg.norm(tip.translation))
         for number in range(len(placements)):
             self._lengths_m[number] += float(reach_m[joints == number].max(initial=0.0))
-        # Turns about the vertical or about the hand's own axis do not change the tip's height.
-        self._tilting = np.ones(len(placements))
-        self._tilting_tip = np.ones(len(placements))
+        # Turns about the vertical or about the hand's own axis do not change the tip's height;
+        # strokes change it evenly.
+        self._tilting = np.where(self._slides, 0.0, 1.0)
+        self._tilting_tip = self._tilting.copy()
         if abs(float((placements[0].rotation @ self._axes[0])[2])) > 1 - 1e-12:
             self._tilting[0] = self._tilting_tip[0] = 0.0
         last = self._axes[-1]
@@ -207,16 +219,19 @@ class TravelHeights:
         shares = np.linspace(0.0, 1.0, _INTERVALS + 1)[:, np.newaxis]
         tips_m, axes, links_m = self._heights(begin + shares * turn)
         # The second derivative of a vector fixed to a link is at most 1.5 times its length times
-        # the square of the sum of all rates.
+        # the square of the sum of all rates; a prismatic joint adds twice its rate times that sum.
         turned = np.abs(turn[:, 0])
-        sag = _SAG * (turned * self._tilting_tip).sum(axis=1) ** 2
+        rates = (turned * self._tilting_tip).sum(axis=1)
+        slid_m = _SLID * np.abs(turn[:, 0, self._slides]).sum(axis=1)
+        sag = _SAG * rates**2
         lower_end_m = np.minimum(tips_m[:, 0], tips_m[:, -1])
-        dips_m = lower_end_m - tips_m.min(axis=1) + sag * self._tip_length_m
+        dips_m = lower_end_m - tips_m.min(axis=1) + sag * self._tip_length_m + slid_m * rates
         # Bound on how far the hand tilts; points off its axis sink as it tilts.
         down = np.clip(-axes.max(axis=1) - sag, -1.0, 1.0)
         tilted = np.where(down > 0.5, np.sqrt(1 - down**2), np.inf)
         dips_m = np.maximum(dips_m, 0.0) + self.width_m * tilted
-        links_sag_m = _SAG * np.cumsum(turned * self._tilting, axis=1) ** 2 * self._lengths_m
+        rates = np.cumsum(turned * self._tilting, axis=1)
+        links_sag_m = _SAG * rates**2 * self._lengths_m + slid_m[:, np.newaxis] * rates
         lows_m = (links_m.min(axis=1) - links_sag_m).min(axis=1)
         for (begin_rad, end_rad), dip_m, low_m in zip(pairs, dips_m, lows_m, strict=True):
             self._known[_make_key(begin_rad, end_rad)] = (float(dip_m), float(low_m))
@@ -229,9 +244,12 @@ class TravelHeights:
         links_m = np.full(joints_rad.shape, np.inf)
         for number, (turned, moved) in enumerate(self._fixed):
             origin = origin + rotation @ moved
-            rotation = (
-                rotation @ turned @ _compute_turns(self._axes[number], joints_rad[..., number])
-            )
+            rotation = rotation @ turned
+            if self._slides[number]:
+                strokes_m = joints_rad[..., number, np.newaxis] * self._axes[number]
+                origin = origin + (rotation @ strokes_m[..., np.newaxis])[..., 0]
+            else:
+                rotation = rotation @ _compute_turns(self._axes[number], joints_rad[..., number])
             for piece in np.flatnonzero(joints == number).tolist():
                 row = rotation[..., 2, :]
                 middle_m = origin[..., 2] + row @ centres[piece]

@@ -1,0 +1,185 @@
+"""A home posture for an arm without one: free of collision, with room for every joint.
+
+Of postures spread over the joint ranges, the best points its hand down in front of the base, far
+from limits and singularities, and no two links that are not neighbours touch.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from skillplan.robots.arm_description import ArmDescription, Capsule, Hull, LinkShape
+from skillplan.robots.link_frames import Numbers, compute_link_frames, spread_postures
+
+_SAMPLES: Final = 3_000
+_SHARE_OF_RANGE: Final = 0.85
+# Number of postures tested for contacts, the best first.
+_TESTED: Final = 150
+# Gap that counts as free [m].
+_GAP_M: Final = 0.005
+# Place of the tip that is preferred, as a share of the greatest distance seen.
+_FAR, _HIGH = 0.6, 0.3
+# Least singular value, in lengths of that distance, of a posture away from singularities.
+_LEAST_SINGULAR = 0.12
+# Corners that stand for a shape, and sides of a round one.
+_DIRECTIONS, _SIDES = 128, 12
+
+
+def find_home(arm: ArmDescription) -> tuple[float, ...]:
+    """Return a posture with room for every joint [rad], of prismatic joints [m].
+
+    If links touch in all tested postures, as overlapping shapes of a description do, the fewest
+    contacts decide.
+    """
+    postures = spread_postures(arm, _SAMPLES, _SHARE_OF_RANGE)
+    frames = compute_link_frames(arm, postures)
+    order = np.argsort(_rate(arm, postures, frames), kind="stable")[:_TESTED]
+    solids = _Solids(arm)
+    best, fewest = 0, math.inf
+    for number in order.tolist():
+        contacts = solids.count_contacts([frame[number] for frame in frames[:-1]], fewest)
+        if contacts < fewest:
+            best, fewest = number, contacts
+        if not contacts:
+            break
+    low, high = np.array(arm.low_rad), np.array(arm.high_rad)
+    home = np.clip(np.round(postures[best], 3), low, high)
+    return tuple(float(value) for value in home)
+
+
+def _rate(arm: ArmDescription, postures: Numbers, frames: list[Numbers]) -> Numbers:
+    """Return penalties of postures, lower is better, shape (postures,)."""
+    tips = frames[-1]
+    places = tips[:, :3, 3]
+    far_m = np.hypot(places[:, 0], places[:, 1])
+    reach_m = max(float(np.linalg.norm(places, axis=1).max()), 1e-3)
+    tilt_rad = np.arccos(np.clip(-tips[:, 2, 2], -1.0, 1.0))
+    low, high = np.array(arm.low_rad), np.array(arm.high_rad)
+    middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
+    crowded = (((postures - middle) / half) ** 2).mean(axis=1)
+    columns = []
+    for number, joint in enumerate(arm.joints):
+        frame = frames[number + 1]
+        axis = frame[:, :3, :3] @ np.array(joint.axis)
+        along = axis if joint.is_prismatic else np.cross(axis, places - frame[:, :3, 3])
+        turn = np.zeros_like(axis) if joint.is_prismatic else axis
+        columns.append(np.concatenate([along / reach_m, turn], axis=1))
+    singular = np.linalg.svd(np.stack(columns, axis=2), compute_uv=False)[:, -1]
+    return np.asarray(
+        tilt_rad
+        + 1.5 * np.abs(far_m / reach_m - _FAR)
+        + 0.5 * np.abs(places[:, 2] / reach_m - _HIGH)
+        + 0.5 * crowded
+        + np.maximum(1 - singular / _LEAST_SINGULAR, 0.0)
+    )
+
+
+class _Solids:
+    """Convex solids of an arm and the pairs that may touch."""
+
+    def __init__(self, arm: ArmDescription) -> None:
+        self._solids = [
+            (body, *_outline(shape)) for body, shapes in enumerate(arm.shapes) for shape in shapes
+        ]
+        count = len(self._solids)
+        # Neighbours are left out, as in checks of paths.
+        self._pairs = [
+            (one, other)
+            for other in range(count)
+            for one in range(other)
+            if self._solids[other][0] - self._solids[one][0] >= 2
+        ]
+
+    def count_contacts(self, frames: list[Numbers], most: float) -> int:
+        """Return the number of pairs of links that touch; counting stops at `most`."""
+        placed = []
+        for body, corners, planes in self._solids:
+            rotation, origin = frames[body][:3, :3], frames[body][:3, 3]
+            moved = corners @ rotation.T + origin
+            normals = planes[:, :3] @ rotation.T
+            centre = moved.mean(axis=0)
+            radius_m = float(np.linalg.norm(moved - centre, axis=1).max())
+            placed.append((moved, normals, planes[:, 3] - normals @ origin, centre, radius_m))
+        touching = set()
+        for one, other in self._pairs:
+            key = (self._solids[one][0], self._solids[other][0])
+            if key in touching:
+                continue
+            first, second = placed[one], placed[other]
+            apart_m = float(np.linalg.norm(first[3] - second[3]))
+            if apart_m > first[4] + second[4] + _GAP_M or _is_apart(first[:3], second[:3]):
+                continue
+            touching.add(key)
+            if len(touching) >= most:
+                break
+        return len(touching)
+
+
+def _is_apart(first: tuple[Numbers, ...], second: tuple[Numbers, ...]) -> bool:
+    """Return whether a face of one of two solids separates them; edges are not tried."""
+    return any(
+        bool(((corners @ normals.T + offsets).min(axis=0) > _GAP_M).any())
+        for normals, offsets, corners in (
+            (first[1], first[2], second[0]),
+            (second[1], second[2], first[0]),
+        )
+    )
+
+
+def _outline(shape: LinkShape) -> tuple[Numbers, Numbers]:
+    """Return corners of a shape and planes of its faces, shapes (corners, 3) and (planes, 4)."""
+    corners = _list_corners(shape)
+    if len(corners) > _DIRECTIONS:
+        away = (corners - corners.mean(axis=0)) @ _spread_directions().T
+        corners = corners[np.unique(np.argmax(away, axis=0))]
+    try:
+        return corners, np.asarray(ConvexHull(corners).equations)
+    except QhullError:
+        # A flat shape: its box, which is never thinner than a gap.
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return corners, np.concatenate(
+            [
+                np.column_stack([np.eye(3), -high - _GAP_M]),
+                np.column_stack([-np.eye(3), low - _GAP_M]),
+            ]
+        )
+
+
+def _list_corners(shape: LinkShape) -> Numbers:
+    if isinstance(shape, Hull):
+        return np.array(shape.corners_m)
+    start, end = np.array(shape.start_m), np.array(shape.end_m)
+    along = end - start
+    size_m = float(np.linalg.norm(along))
+    z = along / size_m if size_m > 0 else np.array([0.0, 0.0, 1.0])
+    aside = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(aside, z)
+    x /= np.linalg.norm(x)
+    y = np.cross(z, x)
+    angles = 2 * np.pi * np.arange(_SIDES) / _SIDES
+    ring = np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y
+    # Rings of a round end: at its edge, and halfway to its top.
+    rings = [(0.0, 1.0)]
+    if isinstance(shape, Capsule):
+        rings += [(math.sqrt(0.5), math.sqrt(0.5)), (1.0, 0.0)]
+    radius_m = shape.radius_m
+    return np.concatenate(
+        [
+            centre + side * high * radius_m * z + wide * radius_m * ring
+            for centre, side in ((start, -1), (end, 1))
+            for high, wide in rings
+        ]
+    )
+
+
+def _spread_directions() -> Numbers:
+    """Return evenly spread unit vectors (Fibonacci lattice)."""
+    number = np.arange(_DIRECTIONS) + 0.5
+    z = 1 - 2 * number / _DIRECTIONS
+    angle = math.pi * (1 + math.sqrt(5)) * number
+    flat = np.sqrt(1 - z * z)
+    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
