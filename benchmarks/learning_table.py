@@ -7,9 +7,10 @@ A run reports its best evaluated policy, as `skillplan train` does. Optima are p
 board without a proof within `PROOF_S` is replaced by the next one.
 
 Run from the repository: ``python benchmarks/learning_table.py FILE [--sets board,generated]``.
-FILE has a JSON line for every finished cell, so an interrupted measurement continues there, and
-``--show`` prints the tables from it. Set ``OMP_NUM_THREADS=1``. Stable-Baselines3 and sb3-contrib
-are no dependencies of the project: the set ``baselines`` installs them into ``--folder``.
+FILE has a JSON line for every finished cell, so an interrupted measurement continues there, several
+processes can share it (``--methods``), and ``--show`` prints the tables. Set ``OMP_NUM_THREADS=1``.
+Stable-Baselines3 and sb3-contrib are no dependencies of the project: the set ``baselines`` installs
+them into ``--folder``.
 """
 
 from __future__ import annotations
@@ -187,6 +188,8 @@ def measure(args: argparse.Namespace, sets: Sequence[str], results: dict[str, An
         sys.path.insert(0, str(args.folder))
     for name in sets:
         for cell in cells_of(name, args, results):
+            # Other processes may measure into the same file.
+            results.update(read(args.file))
             chosen = args.methods is None or cell.method in args.methods.split(",")
             if cell.key in results or cell.mask not in args.masks.split(",") or not chosen:
                 continue
@@ -195,7 +198,10 @@ def measure(args: argparse.Namespace, sets: Sequence[str], results: dict[str, An
             seconds = time.process_time() - begin_s
             row = summarise(cell, trained, known_optimum(cell.task, args.file, results)["cost"])
             results[cell.key] = append(args.file, cell.key, {**row, "cpu_s": round(seconds, 1)})
-            print(f"{cell.task}: {cell.method}, {cell.observation}, {cell.mask}, {seconds:.0f} s")
+            print(
+                f"{cell.task}: {cell.method}, {cell.observation}, {cell.mask}, {seconds:.0f} s",
+                flush=True,
+            )
 
 
 def cells_of(name: str, args: argparse.Namespace, results: dict[str, Any]) -> Iterator[Cell]:
@@ -551,44 +557,60 @@ def append(file: Path, key: str, result: dict[str, Any]) -> dict[str, Any]:
 
 
 def print_tables(results: Mapping[str, Any]) -> None:
-    """Print the rows of the board, and of all random boards together and one by one."""
+    """Print the rows of the board, of all random boards together, and each of these."""
     lines = [(json.loads(key), result) for key, result in results.items()]
     cells = [(Cell(**key), result) for key, result in lines if "method" in key]
     optima = {key["optimum"]: result for key, result in lines if "optimum" in key}
-    tasks = ["inverter_board"], [name for name in optima if name != "inverter_board"]
-    for names in tasks:
-        print(
-            f"\n| observation | mask | steps | method | boards | complete | exact optimum | "
-            f"within 1 % | greatest | success, last {LATEST_STEPS:,} | steps to the optimum |\n"
-            "|---|---|--:|---|--:|--:|--:|--:|--:|--:|--:|"
-        )
-        groups: dict[tuple[str, str, int, str], list[dict[str, Any]]] = {}
-        for one, result in sorted(cells, key=rank):
-            if one.task in names:
-                group = (one.observation, one.mask, one.steps, one.method)
-                groups.setdefault(group, []).append(result)
-        for (observation, mask, steps, method), rows in groups.items():
-            print(
-                f"| `{observation}` | `{mask}` | {steps:,} | {method} | {len(rows)} | "
-                f"{' | '.join(figures(rows))} |"
-            )
-    print("\n| board | optimum | random | " + " | ".join(COLUMNS) + " |")
-    print("|---|--:|--:|" + "--:|" * len(COLUMNS))
-    for name in tasks[1]:
+    on_board = [row for row in cells if row[0].task == "inverter_board"]
+    on_random = [row for row in cells if row[0].task != "inverter_board"]
+    for observation in ("paper", "markov"):
+        rows = [row for row in on_board if row[0].observation == observation]
+        print_rows(f"inverter_board, {observation}", rows)
+    print_rows("random boards, markov", on_random)
+    print("\n| parts | density | tools | seed | optimum | random |", " | ".join(COLUMNS), "|")
+    print("|--:|--:|--:|--:|--:|--:|" + "--:|" * len(COLUMNS))
+    for name in optima:
+        if name == "inverter_board":
+            continue
+        board = " | ".join(name.split()[1::2])
         if not optima[name]["proved"]:
-            print(f"| `{name}` | not proved |")
+            print(f"| {board} | not proved |" + " |" * (1 + len(COLUMNS)))
             continue
         by_method = {
-            one.method: result
-            for one, result in cells
-            if one.task == name and one.mask == "applicable"
+            cell.method: result
+            for cell, result in on_random
+            if cell.task == name and cell.mask == "applicable"
         }
         columns = [
-            " of ".join(figures([by_method[method]])[:2]) if method in by_method else "not run"
+            summary(by_method[method]["above"]) if method in by_method else "not run"
             for method in COLUMNS
         ]
         shown = [f"{optima[name]['cost']:.5f} m", f"{100 * optima[name]['random']:.1f} %"]
-        print(f"| `{name}` | {' | '.join(shown + columns)} |")
+        print(f"| {board} | {' | '.join(shown + columns)} |")
+
+
+def print_rows(title: str, rows: Sequence[tuple[Cell, dict[str, Any]]]) -> None:
+    """Print a row for every mask and method, over the runs of all boards."""
+    print(f"\n{title}\n")
+    print(
+        "| mask | steps | method | boards | complete | exact | within 1 % | greatest | "
+        f"last {LATEST_STEPS:,} | steps to the optimum |\n|---|--:|---|--:|--:|--:|--:|--:|--:|--:|"
+    )
+    groups: dict[tuple[str, int, str], list[dict[str, Any]]] = {}
+    for cell, result in sorted(rows, key=rank):
+        groups.setdefault((cell.mask, cell.steps, cell.method), []).append(result)
+    for (mask, steps, method), cells in groups.items():
+        columns = " | ".join(figures(cells))
+        print(f"| `{mask}` | {steps:,} | {method} | {len(cells)} | {columns} |")
+
+
+def summary(above: Sequence[float | None]) -> str:
+    """Return how many runs complete a board, and their median deviation."""
+    values = [value for value in above if value is not None]
+    if not values:
+        return f"0 of {len(above)}"
+    median = 100 * max(0.0, statistics.median(values))
+    return f"{len(values)} of {len(above)}, {median:.2f} %"
 
 
 def rank(row: tuple[Cell, Any]) -> tuple[str, int, int]:
@@ -610,7 +632,7 @@ def figures(results: Sequence[Mapping[str, Any]]) -> list[str]:
         str(sum(value <= 0.01 for value in above)),
         f"{100 * max(0.0, *above):.2f} %" if above else "-",
         f"{100 * successes / late:.1f} %" if late else "-",
-        f"{statistics.median(steps):,.0f} ({min(steps):,} to {max(steps):,}), {len(steps)} runs"
+        f"{statistics.median(steps):,.0f} ({min(steps):,} to {max(steps):,}), {len(steps)}"
         if steps
         else "-",
     ]
