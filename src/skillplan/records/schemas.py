@@ -9,6 +9,7 @@ from __future__ import annotations
 
 # Documents that commands print with --format json and save.
 AGREEMENT = "skillplan.agreement/1"
+ARM = "skillplan.arm/1"
 CACHE = "skillplan.cache/1"
 CHART = "skillplan.chart/1"
 CHECK = "skillplan.check/1"

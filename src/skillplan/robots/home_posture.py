@@ -36,6 +36,8 @@ def find_home(arm: ArmDescription) -> tuple[float, ...]:
     contacts decide.
     """
     postures = spread_postures(arm, _SAMPLES, _SHARE_OF_RANGE)
+    # Half of them face forwards: a joint about the vertical changes no penalty but its own.
+    postures[::2, 0] = (arm.low_rad[0] + arm.high_rad[0]) / 2
     frames = compute_link_frames(arm, postures)
     order = np.argsort(_rate(arm, postures, frames), kind="stable")[:_TESTED]
     solids = _Solids(arm)
@@ -74,6 +76,7 @@ def _rate(arm: ArmDescription, postures: Numbers, frames: list[Numbers]) -> Numb
         + 1.5 * np.abs(far_m / reach_m - _FAR)
         + 0.5 * np.abs(places[:, 2] / reach_m - _HIGH)
         + 0.5 * crowded
+        + 0.3 * np.abs((postures[:, 0] - middle[0]) / half[0])
         + np.maximum(1 - singular / _LEAST_SINGULAR, 0.0)
     )
 
@@ -132,7 +135,7 @@ def _is_apart(first: tuple[Numbers, ...], second: tuple[Numbers, ...]) -> bool:
 
 def _outline(shape: LinkShape) -> tuple[Numbers, Numbers]:
     """Return corners of a shape and planes of its faces, shapes (corners, 3) and (planes, 4)."""
-    corners = _list_corners(shape)
+    corners = list_corners(shape)
     if len(corners) > _DIRECTIONS:
         away = (corners - corners.mean(axis=0)) @ _spread_directions().T
         corners = corners[np.unique(np.argmax(away, axis=0))]
@@ -149,7 +152,8 @@ def _outline(shape: LinkShape) -> tuple[Numbers, Numbers]:
         )
 
 
-def _list_corners(shape: LinkShape) -> Numbers:
+def list_corners(shape: LinkShape) -> Numbers:
+    """Return corners of a shape, of a round one on its surface, shape (corners, 3) [m]."""
     if isinstance(shape, Hull):
         return np.array(shape.corners_m)
     start, end = np.array(shape.start_m), np.array(shape.end_m)

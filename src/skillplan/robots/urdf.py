@@ -329,8 +329,11 @@ def parse_urdf(content: bytes, read_mesh: ReadMesh) -> UrdfTree:
         raise UrdfError(f"its root is <{root.tag}>, where a URDF has <robot>", line=root.line)
     tree = UrdfTree(root, read_mesh)
     if xacro.unused:
-        count = f"{xacro.unused} xacro element{'s' if xacro.unused > 1 else ''}"
-        tree.notes.append(f"{count} passed over, because nothing uses them")
+        several = xacro.unused > 1
+        count = f"{xacro.unused} xacro element{'s' if several else ''}"
+        tree.notes.append(
+            f"{count} passed over, because nothing uses {'them' if several else 'it'}"
+        )
     return tree
 
 
@@ -667,7 +670,7 @@ class UrdfTree:
                 steps += 1
             if LEAST_JOINTS <= joints <= MOST_JOINTS and self._ends_chain(link):
                 tips.append((link, joints))
-        tips.sort(key=lambda tip: (_rank_name(tip[0])[0], self._is_finger(tip[0]), -tip[1], tip[0]))
+        tips.sort(key=lambda tip: (_rank_name(tip[0]), self._is_finger(tip[0]), -tip[1], tip[0]))
         return tips
 
     def _is_finger(self, link: str) -> bool:
@@ -681,10 +684,10 @@ class UrdfTree:
         return sum(self.moves(joint) for joint in self.below.get(body, ())) > 1
 
     def _ends_chain(self, link: str) -> bool:
-        """Return whether no joint moves after a link, or several do side by side."""
+        """Return whether a link is called as a flange, or nothing hangs on it, or fingers do."""
         moving = [joint for joint in self.below.get(link, ()) if self.moves(joint)]
         others = [joint for joint in self.below.get(link, ()) if not self.moves(joint)]
-        return len(moving) > 1 or (not moving and (not others or _rank_name(link)[0] == 0))
+        return len(moving) > 1 or _rank_name(link) < len(_TIP_NAMES) or not (moving or others)
 
     def moves(self, joint: Element) -> bool:
         """Return whether a joint moves, or any joint after it."""
@@ -750,11 +753,13 @@ class UrdfTree:
         return chain[::-1]
 
 
-def _rank_name(link: str) -> tuple[int, str]:
-    """Return a sort key that puts the usual names of a flange first."""
+def _rank_name(link: str) -> int:
+    """Return the place of a link's name among the usual ones of a flange, the likeliest first."""
     own = link.lower()
-    usual = any(own == name or own.endswith("_" + name) for name in _TIP_NAMES)
-    return (0 if usual else 1, link)
+    ranks = [
+        rank for rank, name in enumerate(_TIP_NAMES) if own == name or own.endswith("_" + name)
+    ]
+    return min(ranks, default=len(_TIP_NAMES))
 
 
 P = ParamSpec("P")

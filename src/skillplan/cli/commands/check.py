@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
 from skillplan.cli.load import load_file, make_setup, name_back_ends, open_cache
-from skillplan.cli.options.shared import BackEnds, Caching, CommandLimits, Reading, Style, TaskFile
+from skillplan.cli.options.completion import task_files
+from skillplan.cli.options.shared import OUTPUT, BackEnds, Caching, CommandLimits, Reading, Style
+from skillplan.errors import OptionError
 
 
 def command(
-    task: TaskFile,
+    task: Annotated[
+        str,
+        typer.Argument(
+            metavar="TASK",
+            autocompletion=task_files,
+            help="A task file: YAML, or TSPLIB's .sop. Or a robot alone: .urdf or .xacro.",
+            show_default=False,
+        ),
+    ],
     back_ends: BackEnds,
     reading: Reading,
     caching: Caching,
     limits: CommandLimits,
     style: Style = "table",
+    picture: Annotated[
+        str | None,
+        typer.Option(
+            "--picture",
+            metavar="FILE.png",
+            help="Of a robot alone: draw the arm at home.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
 ) -> int:
     """Validate TASK: faults of YAML, keys, references, order and geometry.
 
@@ -22,6 +45,10 @@ def command(
     if it is installed, or else aabb), and for hollow parts only if a detector is named. --physics
     and --collision name other back ends, which also report their faults in the parts. Properties
     that the back ends of a search leave unchecked are listed.
+
+    If TASK is a URDF or xacro file, its arm is described: joints, tip at zero, reach, masses, and
+    what is assumed. --set robot.tip=LINK selects the tip; robot.packages and robot.xacro_args work
+    as in a task file.
     """
     from itertools import chain
 
@@ -32,6 +59,10 @@ def command(
     from skillplan.views.tables.questions import tabulate_checked
 
     limits.begin(graceful=False)
+    if task.lower().endswith((".urdf", ".xacro")):
+        return _describe_arm(task, reading, style, picture)
+    if picture is not None:
+        raise OptionError("--picture draws a robot alone, from a .urdf or .xacro file.")
     problem = load_file(task, reading, back_ends, warn=False)
     setups = [make_setup(back_ends, task) for task in problem.tasks]
     back_ends_of = [
@@ -46,4 +77,29 @@ def command(
     preview = preview_problem(problem, first.physics, first.collision, first.options, cache)
     checked = Checked(problem, names, preview, not_checked)
     emit(style, checked.document(), tabulate_checked(checked))
+    return 0
+
+
+def _describe_arm(path: str, reading: Reading, style: Style, picture: str | None) -> int:
+    """Print the description of an arm from a file of its own, and draw it."""
+    from skillplan.cli.output import emit
+    from skillplan.cli.showing import resolve_drawing_paths
+    from skillplan.domains.assembly.arm_summary import summarize_arm
+    from skillplan.records import schemas
+    from skillplan.views.tables.arm import tabulate_arm
+    from skillplan.views.video_file import save_picture
+
+    drawn = resolve_drawing_paths(picture, None)
+    summary = summarize_arm(path, reading.settings())
+    if drawn:
+        from skillplan.views.figures.arm_figure import draw_arm
+
+        for option, file in drawn.items():
+            save_picture(draw_arm(summary), file, option)
+    document = {
+        "schema": schemas.ARM,
+        **summary.document(),
+        "files": list(map(str, drawn.values())),
+    }
+    emit(style, document, tabulate_arm(summary))
     return 0
