@@ -46,6 +46,7 @@ OPENS = {
     "skillplan_simulation/execution/skill_runner.py": "opens the jaws of a hand",
     "skillplan_pinocchio/planning/travel.py": "the null device, for what OMPL says at its end",
     "training/family_training.py": "boards of its own, in a folder of its own",
+    "benchmark/instances.py": "a task of its own, in a folder of its own",
     "training/groups.py": "a folder of its own for what a training elsewhere keeps",
     "judge/fast_downward.py": "a folder of its own for a planner",
     "skillplan_ray/access.py": "the token of a cluster, and a folder of its own for its session",

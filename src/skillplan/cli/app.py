@@ -37,6 +37,7 @@ PANELS = {
         "search-optimal": "Find the best sequence of skills and prove it.",
         "evaluate": "Replay a sequence: feasibility, cost, and the first failure.",
         "compare": "Run several solvers side by side.",
+        "benchmark": "Run agents on tasks with proved optima; check submissions.",
         "verify": "Check the claims of a result independently of its solver.",
         "simulate": "Execute a whole plan in one simulated world, and film it.",
         "plot": "Draw a figure of a solved task as PNG or SVG.",

@@ -299,6 +299,28 @@ class Domain(ABC):
         """Return True if the file describes a family of layouts."""
         return False
 
+    def benchmark(self) -> str | None:
+        """Return the instances that this kind adds to ``skillplan benchmark``.
+
+        The default is ``benchmark.json`` in the package of the domain's class.
+
+        Returns
+        -------
+        str or None
+            A document ``skillplan.benchmark-instances/1``; None if there are no instances.
+        """
+        return self._read_resource("benchmark.json")
+
+    def generate(self, parameters: Mapping[str, Any]) -> str:
+        """Return the random task file of an instance with the key ``generate``.
+
+        Raises
+        ------
+        OptionError
+            If a parameter is wrong, or the kind has no generator.
+        """
+        raise OptionError(f"Tasks of kind {self.kind!r} are not generated.")
+
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the path of the entry that a fact comes from; the root by default."""
         return ()
@@ -325,10 +347,15 @@ class Domain(ABC):
         OptionError
             If there is no such file.
         """
-        from importlib import resources  # needed for starters only
+        text = self._read_resource(f"starter{self.starter_suffix}")
+        if text is None:
+            raise OptionError(f"Tasks of kind {self.kind!r} have no starter file.")
+        return text
+
+    def _read_resource(self, name: str) -> str | None:
+        """Return the text of a file in the package of this class; None if it is missing."""
+        from importlib import resources  # needed for starters and benchmarks only
 
         package = sys.modules[type(self).__module__].__package__
-        file = resources.files(package or "skillplan") / f"starter{self.starter_suffix}"
-        if not file.is_file():
-            raise OptionError(f"Tasks of kind {self.kind!r} have no starter file.")
-        return file.read_text("utf-8")
+        file = resources.files(package or "skillplan") / name
+        return file.read_text("utf-8") if file.is_file() else None

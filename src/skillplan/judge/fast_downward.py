@@ -162,12 +162,8 @@ def check_with_planner(
     find_driver()
     claimed = _name_claim(stored)
     handover = Handover(model, None, charted)
-    deadline_s = time.monotonic() + limit_s
     try:
-        task, answer = _export_and_run(handover, deadline_s, count_steps=False)
-        if len(answer.skills) > model.step_limit:
-            # The plan is too long: search again within the step limit.
-            task, answer = _export_and_run(handover, deadline_s, count_steps=True)
+        task, answer = plan_with_planner(handover, limit_s)
         if task is not None and not answer.silence:
             yield _compare(claimed, stored, task, answer)
             return
@@ -175,6 +171,38 @@ def check_with_planner(
     except SearchStopped:
         reason = "back ends have not given all verdicts within the limit"
     yield Claim(claimed, Outcome.NOT_CHECKED, reason, NAME)
+
+
+def plan_with_planner(
+    handover: Handover, limit_s: float
+) -> tuple[PlanningTask | None, PlannerAnswer]:
+    """Return a task in PDDL and the planner's answer within the step limit of the task.
+
+    Parameters
+    ----------
+    handover
+        The task.
+    limit_s
+        Time limit for verdicts and planner together [s], > 0.
+
+    Returns
+    -------
+    tuple of PlanningTask or None, and PlannerAnswer
+        Without PDDL None and the reason.
+
+    Raises
+    ------
+    OptionError
+        If the planner is not installed.
+    SearchStopped
+        If the verdicts take too long.
+    """
+    deadline_s = time.monotonic() + limit_s
+    task, answer = _export_and_run(handover, deadline_s, count_steps=False)
+    if len(answer.skills) > handover.model.step_limit:
+        # The plan is too long: search again within the step limit.
+        task, answer = _export_and_run(handover, deadline_s, count_steps=True)
+    return task, answer
 
 
 def _export_and_run(

@@ -55,7 +55,7 @@ class Estimate:
         return {"value": self.value, "ci95": ends}
 
 
-def share(count: int, total: int) -> Estimate | None:
+def share(count: float, total: int) -> Estimate | None:
     """Return a share with its interval after Wilson (1927); None for a total of 0.
 
     Unlike the textbook's interval it does not shrink to a point if all or none count.
@@ -63,7 +63,7 @@ def share(count: int, total: int) -> Estimate | None:
     Parameters
     ----------
     count, total
-        Numerator and denominator, 0 <= count <= total.
+        Numerator and denominator, 0 <= count <= total. A sum of shares may stand for a count.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from skillplan.domains.assembly.consistency import find_issues
@@ -16,7 +16,7 @@ from skillplan.domains.assembly.overview import (
 )
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Domain, Overview
-from skillplan.errors import Issue
+from skillplan.errors import Issue, OptionError
 from skillplan.task.task import Task
 
 # Section of the file that a fact comes from, by the kind of fact.
@@ -80,3 +80,13 @@ class AssemblyDomain(Domain):
             return ("parts", subject, "goal_m")
         keys = ("start_m", "start_on", "feeder")
         return ("parts", subject, next(key for key in keys if getattr(part, key) is not None))
+
+    def generate(self, parameters: Mapping[str, Any]) -> str:
+        """Return a random board with the parameters of `BoardGenerator`."""
+        from skillplan.domains.assembly.board_generator import BoardGenerator
+
+        try:
+            given = {**parameters, "failures": tuple(parameters.get("failures", ())) or None}
+            return BoardGenerator(**given).text()
+        except TypeError as error:
+            raise OptionError(f"The board cannot be generated: {error}.") from None

@@ -1,3 +1,4 @@
+from .benchmark import smallest_difference as smallest_difference
 from .chain import tabulate_appendix as tabulate_appendix
 from .chain import tabulate_chain as tabulate_chain
 from .chain import tabulate_chain_comparison as tabulate_chain_comparison
@@ -16,6 +17,7 @@ from .trials import tabulate_simulation as tabulate_simulation
 
 __all__ = [
     "render_csv_files",
+    "smallest_difference",
     "tabulate_appendix",
     "tabulate_chain",
     "tabulate_chain_comparison",

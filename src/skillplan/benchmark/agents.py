@@ -1,0 +1,353 @@
+"""Agents of the benchmark as solvers: installed ones, Fast Downward, and learners from elsewhere.
+
+A learner from elsewhere is anything with ``learn(total_timesteps)`` and ``predict(observation)``,
+such as an algorithm of Stable-Baselines3.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from pathlib import Path
+from typing import Any
+
+from skillplan import __version__
+from skillplan.errors import OptionError, PluginError, SkillplanError, SolverError
+from skillplan.exporters.exporter import Handover
+from skillplan.judge import fast_downward
+from skillplan.model.policy_value import evaluate_policy, roll_out
+from skillplan.model.replay import replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline import registry
+from skillplan.pipeline.solving import make_solver
+from skillplan.plugins.installed import registered
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.solvers.stop import Stop
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+RANDOM = "random"
+BASELINES = (
+    "auto",
+    "exact",
+    "local-search",
+    "cp-sat",
+    fast_downward.NAME,
+    "learned-model",
+    "q-learning",
+    "dqn",
+    "ppo",
+    "stable_baselines3:DQN",
+    "stable_baselines3:PPO",
+    "sb3_contrib:MaskablePPO",
+    RANDOM,
+)
+"""Agents that run if none is named, as far as they are installed."""
+
+_LEARNERS = ("q-learning", "sarsa", "monte-carlo")
+# Seeds of NumPy's older generators, which learners use, have 32 bits.
+_SEEDS = 2**32
+
+
+def list_baselines() -> list[str]:
+    """Return the installed agents of `BASELINES`."""
+    installed = []
+    for name in BASELINES:
+        module = name.partition(":")[0]
+        try:
+            if module != name and importlib.util.find_spec(module) is None:
+                continue
+            if module == name:
+                make_agent(name, 1)
+        except (OptionError, PluginError):
+            continue
+        installed.append(name)
+    return installed
+
+
+def is_learner(name: str) -> bool:
+    """Return whether an agent learns from steps in the environment, or takes them at random.
+
+    Raises
+    ------
+    PluginError
+        If the solver is unknown or broken.
+    """
+    if name == RANDOM or ":" in name or name in _LEARNERS:
+        return True
+    if name == fast_downward.NAME:
+        return False
+    from skillplan.solvers.learning.learner import Learner
+
+    return issubclass(registry.load("solver", name), Learner)
+
+
+def make_agent(name: str, steps: int) -> Solver:
+    """Return an agent by name.
+
+    Parameters
+    ----------
+    name
+        A solver, ``fast-downward``, ``random``, or ``MODULE:NAME`` or ``FILE.py:NAME`` of a
+        callable that returns a learner.
+    steps
+        Environment steps of a learner from elsewhere, and of ``random``, >= 1.
+
+    Raises
+    ------
+    OptionError, PluginError
+        If there is no such agent.
+    """
+    if name == RANDOM:
+        return RandomEpisodes(steps)
+    if name == fast_downward.NAME:
+        return FastDownward()
+    if ":" in name:
+        # Messages name the class.
+        named = type("NamedLearner", (ForeignLearner,), {"name": name})
+        return named(find_factory(name), steps)  # type: ignore[no-any-return]
+    return make_solver(name, {})
+
+
+def find_version(name: str) -> str:
+    """Return the distribution of an agent and its version, such as ``ortools 9.15``."""
+    own = f"skillplan {__version__}"
+    if name == RANDOM:
+        return own
+    if name == fast_downward.NAME:
+        return f"up-fast-downward {version('up-fast-downward')}"
+    if ":" in name:
+        package = name.partition(":")[0].partition(".")[0]
+        names = packages_distributions().get(package, [package])
+        try:
+            return f"{names[0]} {version(names[0])}"
+        except PackageNotFoundError:
+            return name
+    entry = next(iter(registered("solver").select(name=name)), None)
+    if entry is None or entry.dist is None:
+        return own
+    text = f"{entry.dist.name} {entry.dist.version}"
+    return f"{text}, ortools {version('ortools')}" if name == "cp-sat" else text
+
+
+class FastDownward(Solver):
+    """Fast Downward on the task in PDDL, as `verify --with fast-downward` runs it."""
+
+    name = fast_downward.NAME
+    # It is ended at the time limit, and reports nothing before.
+    polls = True
+
+    def __init__(self, options: Any = None, stop: Stop | None = None) -> None:
+        fast_downward.find_driver()
+        super().__init__(options, stop)
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Return the plan, with a bound that accounts for rounded costs."""
+        limit_s = self.stop.left()["time_limit_s"] or 1e6
+        handover = Handover(model, None, False)
+        task, answer = fast_downward.plan_with_planner(handover, limit_s)
+        if answer.unsolvable:
+            return Solution(proved=True)
+        if task is None or answer.cost is None:
+            return Solution(trace={"reason": answer.silence})
+        # Costs of the whole plan are those of the model, not the rounded ones.
+        skills = [model.task.skill(name) for name in answer.skills]
+        cost = replay(model, skills).cost
+        rounding = task.scale.rounding(len(skills))
+        bound = min(cost, max(0.0, answer.cost / task.scale.per_unit - rounding))
+        return Solution(Plan(answer.skills, cost), bound, trace={"rounding": rounding})
+
+
+class RandomEpisodes(Solver):
+    """The cheapest complete episode of applicable actions at random."""
+
+    name = RANDOM
+    polls = True
+
+    def __init__(self, steps: int) -> None:
+        super().__init__()
+        self._steps = steps
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Refuse chance: an episode is no policy."""
+        return None if model.task.deterministic else "an episode is no policy under chance"
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Return the cheapest episode within the steps and the time limit."""
+        from skillplan.env.skill_env import SkillEnv
+
+        env = SkillEnv(model)
+        env.action_space.seed(seed % _SEEDS)
+        steps, skills, cost, ended = 0, list[str](), 0.0, True
+        info: dict[str, Any] = {}
+        while steps < self._steps and not self.stop():
+            if ended:
+                _, info = env.reset()
+                skills, cost = [], 0.0
+            _, _, complete, late, info = env.step(env.action_space.sample(info["action_mask"]))
+            steps += 1
+            skills.append(info["skill"])
+            cost += info["cost"]
+            ended = complete or late
+            if complete and info["verdict"] == "feasible":
+                best = self.stop.best
+                if best is None or best.cost is None or cost < best.cost:
+                    self.stop.incumbent(Plan(tuple(skills), cost))
+        return Solution(self.stop.best, trace={"steps": steps})
+
+
+class ForeignLearner(Solver):
+    """A learner with ``learn(total_timesteps)`` and ``predict(observation)``.
+
+    Its answer is the policy that `predict` follows after training. If `predict` has the parameters
+    ``action_masks`` or ``deterministic``, it gets the mask and True.
+
+    Parameters
+    ----------
+    factory
+        Returns the learner. It gets the environment as ``env`` or first argument, and ``policy``
+        ("MlpPolicy"), ``seed``, ``device`` ("cpu") and ``verbose`` (0) if it has these parameters.
+    steps
+        Environment steps, >= 1.
+    """
+
+    name = "foreign"
+    polls = True
+
+    def __init__(self, factory: Callable[..., Any], steps: int) -> None:
+        super().__init__()
+        self._factory = factory
+        self._steps = steps
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Train within the steps and the time limit, and return the greedy policy."""
+        env = _make_limited_env(model, self.stop)
+        learner = _construct(self._factory, env, seed % _SEEDS)
+        for method in ("learn", "predict"):
+            if not callable(getattr(learner, method, None)):
+                made = type(learner).__name__
+                raise SolverError(f"{self.name} made a {made} without {method}().")
+        # If the time is up, the policy so far is the answer.
+        with suppress(_TimeIsUp):
+            learner.learn(total_timesteps=self._steps)
+        fresh = SkillModel(model.feasibility)
+        policy = _GreedyPolicy(learner, fresh)
+        fault = _find_fault(policy, fresh)
+        found = None if fault else policy
+        return Solution(found, trace={"steps": env.steps, **({"reason": fault} if fault else {})})
+
+
+def _find_fault(policy: Mapping[State, Skill], model: SkillModel) -> str:
+    """Return the reason why a policy does not complete a task; empty if it does.
+
+    A learner makes no claim about its policy, so a step that is infeasible is no false claim.
+    """
+    value = None if model.task.deterministic else evaluate_policy(model, policy.get)
+    if value is not None:
+        return "" if value.cost is not None else value.problem or "it does not complete the task"
+    walked = replay(model, roll_out(model, policy.get))
+    return "" if walked.complete else walked.violations[0].reason
+
+
+def find_factory(spec: str) -> Callable[..., Any]:
+    """Return the callable of ``MODULE:NAME`` or ``FILE.py:NAME``.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be imported, or is not callable.
+    """
+    place, _, name = spec.rpartition(":")
+    try:
+        if place.endswith(".py"):
+            file = importlib.util.spec_from_file_location(Path(place).stem, place)
+            assert file is not None
+            assert file.loader is not None
+            module = importlib.util.module_from_spec(file)
+            file.loader.exec_module(module)
+        else:
+            module = importlib.import_module(place)
+        factory = getattr(module, name)
+    except (ImportError, OSError, AttributeError, ValueError) as error:
+        raise OptionError(f"Agent {spec}: cannot be imported: {error}.") from None
+    if not callable(factory):
+        raise OptionError(f"Agent {spec}: {name} is not callable.")
+    return factory  # type: ignore[no-any-return]
+
+
+def _construct(factory: Callable[..., Any], env: Any, seed: int) -> Any:
+    parameters = inspect.signature(factory).parameters
+    known = {"policy": "MlpPolicy", "seed": seed, "device": "cpu", "verbose": 0}
+    given = {name: value for name, value in known.items() if name in parameters}
+    return factory(env=env, **given) if "env" in parameters else factory(env, **given)
+
+
+class _TimeIsUp(Exception):
+    """The time limit passed during a training."""
+
+
+def _make_limited_env(model: SkillModel, stop: Stop) -> Any:
+    """Return the environment of a model, which raises `_TimeIsUp` once training has to end."""
+    import gymnasium
+
+    from skillplan.env.skill_env import SkillEnv
+
+    class LimitedEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
+        steps = 0
+
+        def step(self, action: Any) -> Any:
+            if stop():
+                raise _TimeIsUp
+            self.steps += 1
+            return super().step(action)
+
+        def action_masks(self) -> Any:
+            return env.action_masks()
+
+    env = SkillEnv(model)
+
+    return LimitedEnv(env)
+
+
+class _GreedyPolicy(Mapping[State, Skill]):
+    """The choices of a learner; a state is decided when it is first looked up."""
+
+    def __init__(self, learner: Any, model: SkillModel) -> None:
+        from skillplan.env.observation import Observation
+
+        self._learner, self._model = learner, model
+        self._observation = Observation.of(model.task, "markov")
+        self._choices: dict[State, Skill] = {}
+        parameters = inspect.signature(learner.predict).parameters
+        self._takes_mask = "action_masks" in parameters
+        self._given = {"deterministic": True} if "deterministic" in parameters else {}
+
+    def __getitem__(self, state: State) -> Skill:
+        if state not in self._choices:
+            self._choices[state] = self._decide(state)
+        return self._choices[state]
+
+    def __iter__(self) -> Iterator[State]:
+        return iter(self._choices)
+
+    def __len__(self) -> int:
+        return len(self._choices)
+
+    def _decide(self, state: State) -> Skill:
+        import numpy as np
+
+        skills, given = self._model.task.skills, dict[str, Any](self._given)
+        if self._takes_mask:
+            mask = np.zeros(len(skills), dtype=np.int8)
+            mask[[self._model.task.action(skill) for skill in self._model.applicable(state)]] = 1
+            given["action_masks"] = mask
+        answer = self._learner.predict(self._observation.encode(state), **given)
+        action = int(np.asarray(answer[0] if isinstance(answer, tuple) else answer).item())
+        if not 0 <= action < len(skills):
+            raise SkillplanError(f"the action {action} does not exist")
+        return skills[action]

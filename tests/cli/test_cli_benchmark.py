@@ -1,0 +1,385 @@
+"""`skillplan benchmark`: its instances, its table, submissions, and what the referee refuses."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+
+from same_process import SameProcess
+from skillplan.benchmark import (
+    InstanceFile,
+    Submission,
+    format_instances,
+    load_instances,
+    parse_instances,
+)
+from skillplan.cli import main
+from skillplan.errors import OptionError
+from skillplan.views.tables import smallest_difference
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = ROOT / "docs" / "reference" / "documents"
+SMALL = "board-06-2"
+# A learner as others write them: the cheapest action that the mask allows, after some steps.
+LEARNER = '''
+import numpy as np
+
+
+class Agent:
+    """Remember what each action costs, and take the cheapest one that is allowed."""
+
+    def __init__(self, env, seed=0):
+        self.env, self.steps = env, 0
+        self.costs = np.zeros(env.action_space.n)
+        env.action_space.seed(seed)
+
+    def learn(self, total_timesteps):
+        _, info = self.env.reset(seed=0)
+        while self.steps < total_timesteps:
+            action = self.env.action_space.sample(self.env.action_masks())
+            _, _, ended, late, info = self.env.step(action)
+            self.costs[action] = info["cost"]
+            self.steps += 1
+            if ended or late:
+                self.env.reset()
+
+    def predict(self, observation, action_masks):
+        return int(np.argmin(np.where(action_masks == 1, self.costs, np.inf))), None
+
+
+class Deaf:
+    def __init__(self, env):
+        pass
+
+
+class Sleeper(Agent):
+    def learn(self, total_timesteps):
+        import time
+
+        time.sleep(600)
+
+
+def beyond(env):
+    class Beyond(Agent):
+        def predict(self, observation):
+            return self.costs.size
+
+    return Beyond(env)
+'''
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """No processes for the runs."""
+    monkeypatch.setattr("skillplan.benchmark.runs.LocalProcesses", SameProcess)
+
+
+@pytest.fixture
+def learner(tmp_path):
+    """A file with learners."""
+    path = tmp_path / "learner.py"
+    path.write_text(LEARNER, "utf-8")
+    return path
+
+
+@pytest.fixture
+def instances():
+    """All instances by name."""
+    return {each.name: each for each in load_instances()}
+
+
+def schema_of(name):
+    """Return the published schema of a document."""
+    return yaml.safe_load((DOCUMENTS / f"{name}.yaml").read_text("utf-8"))
+
+
+class TestInstances:
+    def test_a_hundred_boards_of_6_to_60_parts_are_proved_by_two_codes(self, instances):
+        """The second code is no solver of the first one's kind."""
+        boards = [each for each in instances.values() if each.suite == "boards"]
+        assert 100 == len(boards)
+        assert {6, 60} <= {each.generate["parts"] for each in boards}
+        provers = {proof.by for each in boards for proof in each.proofs[1:]}
+        assert provers <= {"fast-downward", "cp-sat", "value-iteration"}
+        assert all(len(each.proofs) == 2 for each in boards)
+
+    def test_proofs_of_an_instance_agree_and_state_versions(self, instances):
+        """A single proof is named as such."""
+        for each in instances.values():
+            assert "optimal" == each.status
+            assert all(abs(p.cost - each.optimum) <= 1e-5 * each.optimum for p in each.proofs)
+            assert all(any(c.isdigit() for c in proof.version) for proof in each.proofs)
+            assert each.proof_text.startswith("one proof: ") == (len(each.proofs) == 1)
+
+    @pytest.mark.parametrize("name", [SMALL, "board-24-5", "chance-08-6", "ESC07", "gear_unit"])
+    def test_a_task_has_the_hash_of_the_data(self, instances, name):
+        """Generated, or from a file."""
+        task = instances[name].load()
+        assert instances[name].sha256 == task.sha256
+
+    @pytest.mark.slow(reason="all instances; one of each suite in every run")
+    def test_all_tasks_have_the_hashes_of_the_data(self, instances):
+        """No change of a generator or a file goes unnoticed."""
+        for each in instances.values():
+            task = each.load()
+            assert each.sha256 == task.sha256
+
+    def test_a_changed_task_is_refused(self, instances):
+        """Its optimum would be that of another task."""
+        changed = instances[SMALL].model_copy(update={"sha256": "0" * 64})
+        with pytest.raises(OptionError, match="its task has changed"):
+            changed.load()
+
+    def test_data_are_read_as_they_are_written(self, instances):
+        """One instance a line, without defaults."""
+        some = [each for each in instances.values() if each.suite == "chance"]
+        text = format_instances(some)
+        assert some == parse_instances(text, "assembly")
+        assert len(some) + 2 == len(text.splitlines())
+        jsonschema.validate(json.loads(text), schema_of("benchmark-instances"))
+
+    def test_the_list_shows_optimum_and_provers(self, cli):
+        """And the noise floors of learning tasks."""
+        done = cli("benchmark", "--list", "--only", f"{SMALL},ESC07")
+        assert 0 == done.code
+        assert "auto and fast-downward" in done.out
+        assert "noise floor of learning tasks" in done.out
+        assert "2 instances: 2 proved by two codes, 0 by one" in done.out
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("--suite", "bords"), "No suite 'bords'. Did you mean 'boards'?"),
+            (("--only", "bord-06-2"), "--only bord-06-2: no instance matches."),
+            (("--list", "--prove"), "Give one of --list, --check and --prove."),
+            (("auto", "--list"), "--list, --check and --prove run no agents."),
+            (("exakt",), "exakt"),
+            (("no_such_module:Agent",), "Agent no_such_module:Agent: cannot be imported"),
+            (("--out", "rows.txt"), "submissions are not saved as .txt"),
+            (("--prove",), "--prove prints the data of one kind of task"),
+            (("--check", "missing.json"), "missing.json"),
+        ],
+    )
+    def test_wrong_words_are_refused(self, cli, words, message):
+        """With a correction."""
+        assert message in " ".join(cli("benchmark", *words).refusal.split())
+
+
+class TestProofs:
+    def test_one_command_repeats_the_data(self, cli, instances):
+        """Optimum, hash and provers are those of the package."""
+        pytest.importorskip("up_fast_downward")
+        pytest.importorskip("skillplan_ortools")
+        names = ["board-06-1", "chance-04-1"]
+        done = cli("benchmark", "--prove", "--only", ",".join(names))
+        assert 0 == done.code
+        for each in parse_instances(done.out, "assembly"):
+            known = instances[each.name]
+            assert (known.sha256, known.status) == (each.sha256, each.status)
+            assert known.optimum == pytest.approx(each.optimum, rel=1e-9)
+            assert [p.by for p in known.proofs] == [p.by for p in each.proofs]
+
+    def test_difference_that_means_something_shrinks_with_runs(self):
+        """Three runs a side find less than ten; t(0.975; 4) = 2.776."""
+        assert (2.776 + 0.8416) * 0.1 * (2 / 3) ** 0.5 == pytest.approx(
+            smallest_difference(0.1, 3), rel=1e-3
+        )
+        assert smallest_difference(0.1, 10) < smallest_difference(0.1, 5)
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory):
+    """Results of `exact` on a board, and of a policy under chance, made once."""
+    path = tmp_path_factory.mktemp("benchmark") / "rows.json"
+    words = ("exact", "job-values", "--only", f"{SMALL},chance-04-1", "--out", str(path))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("skillplan.benchmark.runs.LocalProcesses", SameProcess)
+        with pytest.raises(SystemExit) as ended:
+            main(("benchmark", *words))
+    assert 0 == ended.value.code
+    return path.read_text("utf-8")
+
+
+@pytest.fixture
+def submission(rows, tmp_path):
+    """A file of results of a plan and a policy."""
+    path = tmp_path / "rows.json"
+    path.write_text(rows, "utf-8")
+    return path
+
+
+class TestRuns:
+    def test_agents_are_compared_with_intervals_over_instances(self, cli, in_this_process):
+        """Shares after Wilson, no interval over seeds; a solver that refuses is named."""
+        done = cli("benchmark", "auto", "random", "--only", "board-06-[12]", "--steps", "300")
+        assert 0 == done.code
+        auto = next(line for line in done.out.splitlines() if line.startswith("auto"))
+        assert ["2", "100", "(34-100)", "100", "(34-100)", "100", "(34-100)"] == auto.split()[1:8]
+        assert "95 % intervals over instances" in done.out
+        assert "4 runs of 4 to do, 1.4 min at most on 1 process" in done.err
+
+    def test_a_submission_is_continued(self, cli, submission, in_this_process):
+        """Runs in the file are not repeated; one begun with another limit is refused."""
+        words = ("--only", f"{SMALL},chance-04-1", "--out", str(submission))
+        before = json.loads(submission.read_text("utf-8"))
+        done = cli("benchmark", "exact", "job-values", *words)
+        assert "0 runs of 4 to do" in done.err
+        assert before == json.loads(submission.read_text("utf-8"))
+        refusal = cli("benchmark", "auto", *words, "--time-limit", "1").refusal
+        assert "was begun with another search_limit_s: 10.0 there, 1.0 now" in refusal
+
+    def test_a_submission_has_the_keys_of_its_schema(self, submission):
+        """The published schema has those of the model that reads it."""
+        document = json.loads(submission.read_text("utf-8"))
+        published = schema_of("benchmark")
+        jsonschema.validate(document, published)
+        jsonschema.Draft202012Validator.check_schema(published)
+        assert {*Submission.model_json_schema()["properties"], "refused"} == set(
+            published["properties"]
+        )
+        keys = InstanceFile.model_json_schema()["$defs"]["Instance"]["properties"]
+        listed = schema_of("benchmark-instances")["properties"]["instances"]["items"]
+        assert set(keys) == set(listed["properties"])
+
+    def test_a_learner_from_a_file_is_trained_and_followed(self, cli, learner, in_this_process):
+        """Masks reach it, and its steps are counted."""
+        name = f"{learner}:Agent"
+        words = ("--only", "walk-*,board-06-5", "--steps", "200", "--format", "json")
+        rows = cli("benchmark", name, *words).document["rows"]
+        assert {name} == {row["agent"] for row in rows}
+        row = next(row for row in rows if row["instance"] == "board-06-5")
+        assert 200 == row["steps"]
+        assert row["status"] in ("solved", "unsolved")
+
+    @pytest.mark.parametrize(
+        ("name", "reason"),
+        [("Deaf", "made a Deaf without learn()"), ("beyond", "does not exist")],
+    )
+    def test_a_learner_that_is_none_fails(self, cli, learner, in_this_process, name, reason):
+        """The row states the reason."""
+        words = ("--only", SMALL, "--steps", "10", "--format", "json")
+        done = cli("benchmark", f"{learner}:{name}", *words)
+        assert 1 == done.code
+        (row,) = done.document["rows"]
+        assert "failed" == row["status"]
+        assert reason in row["reason"]
+
+    @pytest.mark.slow(reason="a process that hangs; failures of learners in every run")
+    def test_an_agent_that_hangs_is_ended(self, cli, learner, monkeypatch):
+        """The others go on."""
+        monkeypatch.setattr("skillplan.benchmark.runs._GRACE_S", 1.0)
+        words = ("--only", SMALL, "--time-limit", "1", "--format", "json")
+        done = cli("benchmark", f"{learner}:Sleeper", "exact", *words)
+        by_agent = {row["agent"].rpartition(":")[2]: row["status"] for row in done.document["rows"]}
+        assert {"Sleeper": "failed", "exact": "optimal"} == by_agent
+
+    @pytest.mark.slow(reason="a signal to a process; continued runs in every run")
+    def test_ctrl_c_keeps_the_runs_that_are_done(self, tmp_path):
+        """The same command continues."""
+        path = tmp_path / "rows.json"
+        words = [sys.executable, "-m", "skillplan", "benchmark", "exact", "random"]
+        words += ["--only", "board-[12]*", "--steps", "1000000", "--out", str(path)]
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        until = time.monotonic() + 60
+        while time.monotonic() < until:
+            if path.exists() and json.loads(path.read_text("utf-8"))["rows"]:
+                break
+            time.sleep(0.2)
+        os.kill(process.pid, signal.SIGINT)
+        out, _ = process.communicate(timeout=60)
+        assert 130 == process.returncode
+        assert "exact" in out
+        assert json.loads(path.read_text("utf-8"))["rows"]
+
+    @pytest.mark.slow(reason="a training with torch; a learner of a few lines in every run")
+    def test_stable_baselines_takes_part(self, cli):
+        """DQN and MaskablePPO, each by its name alone."""
+        pytest.importorskip("stable_baselines3")
+        agents = ["stable_baselines3:DQN"]
+        try:
+            import sb3_contrib  # noqa: F401
+
+            agents.append("sb3_contrib:MaskablePPO")
+        except ImportError:
+            pass
+        words = ("--only", SMALL, "--steps", "600", "--time-limit", "20", "--format", "json")
+        document = cli("benchmark", *agents, *words).document
+        assert agents == list(document["agents"])
+        assert {"solved", "unsolved"} >= {row["status"] for row in document["rows"]}
+        assert all(row["steps"] >= 600 for row in document["rows"])
+
+
+def forge(row, **changes):
+    """Return a row with other values."""
+    return {**row, **changes}
+
+
+FORGERIES = {
+    "a lower cost": (0, lambda row: {"cost": row["cost"] * 0.9}, "it claims the cost"),
+    "a bound above the optimum": (0, lambda row: {"lower_bound": row["cost"] * 1.1}, "above the"),
+    "a proof with a gap": (0, lambda row: {"lower_bound": 0.0}, "its bound leaves a gap"),
+    "a skill less": (0, lambda row: {"skills": row["skills"][1:]}, "the plan fails at step 1"),
+    "no plan": (0, lambda row: {"skills": None}, "the plan fails at the end"),
+    "a skill of another task": (0, lambda row: {"skills": ["fly(home)"]}, "not one of this task"),
+    "another task": (0, lambda row: {"sha256": "0" * 64}, "it is for another task"),
+    "an unknown instance": (0, lambda row: {"instance": "board-99-9"}, "no such instance"),
+    "no plan exists": (
+        0,
+        lambda row: {"status": "infeasible", "cost": None, "lower_bound": None},
+        "it claims that there is no plan",
+    ),
+    "a lower expectation": (-1, lambda row: {"cost": row["cost"] * 0.99}, "it claims the cost"),
+    "no policy": (-1, lambda row: {"policy": None}, "the policy says nothing in"),
+    "facts that there are not": (-1, lambda row: {"policy": {"sunny": "x"}}, "not for this task"),
+}
+
+
+class TestReferee:
+    def test_a_true_submission_holds(self, cli, submission):
+        """All plans and policies were executed again."""
+        done = cli("benchmark", "--check", str(submission))
+        assert 0 == done.code
+        assert "4 of 4 rows hold" in done.out
+
+    def test_a_minimal_submission_holds(self, cli, submission):
+        """Agents elsewhere need not state seeds, steps or bounds."""
+        document = json.loads(submission.read_text("utf-8"))
+        keys = ("agent", "instance", "sha256", "cost", "wall_s", "skills")
+        row = {key: document["rows"][0][key] for key in keys}
+        document["rows"] = [{**row, "status": "solved"}]
+        submission.write_text(json.dumps(document), "utf-8")
+        assert 0 == cli("benchmark", "--check", str(submission)).code
+
+    @pytest.mark.parametrize("forgery", FORGERIES)
+    def test_a_forged_row_is_refused(self, cli, submission, forgery):
+        """The other rows stay."""
+        index, change, reason = FORGERIES[forgery]
+        document = json.loads(submission.read_text("utf-8"))
+        document["rows"][index] |= change(document["rows"][index])
+        submission.write_text(json.dumps(document), "utf-8")
+        done = cli("benchmark", "--check", str(submission), "--format", "json")
+        assert 1 == done.code
+        (refused,) = done.document["refused"]
+        assert reason in refused["reason"]
+        assert len(document["rows"]) - 1 == len(done.document["rows"])
+
+    @pytest.mark.parametrize(
+        ("change", "message"),
+        [
+            (lambda d: {**d, "rows": [*d["rows"], d["rows"][0]]}, "stands twice"),
+            (lambda d: {**d, "rows": [{**d["rows"][0], "cost": -1.0}]}, "is damaged: "),
+            (lambda d: {**d, "schema": "skillplan.result/1"}, "skillplan.benchmark/1"),
+        ],
+    )
+    def test_a_file_that_is_no_submission_is_refused(self, cli, submission, change, message):
+        """With the first fault."""
+        document = json.loads(submission.read_text("utf-8"))
+        submission.write_text(json.dumps(change(document)), "utf-8")
+        assert message in " ".join(cli("benchmark", "--check", str(submission)).refusal.split())
