@@ -11,6 +11,7 @@ import importlib.util
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,13 @@ BASELINES = (
     RANDOM,
 )
 """Agents that run if none is named, as far as they are installed."""
+
+SETTINGS: dict[str, dict[str, int]] = {
+    "stable_baselines3:DQN": {"target_update_interval": 500, "buffer_size": 20_000},
+    "stable_baselines3:PPO": {"n_steps": 256},
+    "sb3_contrib:MaskablePPO": {"n_steps": 256},
+}
+"""Settings that differ from the defaults of Stable-Baselines3, which are for a million steps."""
 
 _LEARNERS = ("q-learning", "sarsa", "monte-carlo")
 # Seeds of NumPy's older generators, which learners use, have 32 bits.
@@ -110,7 +118,8 @@ def make_agent(name: str, steps: int) -> Solver:
     if ":" in name:
         # Messages name the class.
         named = type("NamedLearner", (ForeignLearner,), {"name": name})
-        return named(find_factory(name), steps)  # type: ignore[no-any-return]
+        factory = partial(find_factory(name), **SETTINGS.get(name, {}))
+        return named(factory, steps)  # type: ignore[no-any-return]
     return make_solver(name, {})
 
 
@@ -125,7 +134,8 @@ def find_version(name: str) -> str:
         package = name.partition(":")[0].partition(".")[0]
         names = packages_distributions().get(package, [package])
         try:
-            return f"{names[0]} {version(names[0])}"
+            settings = (f"{key}={value}" for key, value in SETTINGS.get(name, {}).items())
+            return " ".join([f"{names[0]} {version(names[0])}", *settings])
         except PackageNotFoundError:
             return name
     entry = next(iter(registered("solver").select(name=name)), None)
