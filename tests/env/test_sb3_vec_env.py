@@ -8,13 +8,15 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
 from board_situations import OPTIMAL
-from situations import CONFIGS, model_of, retry_task
+from situations import CONFIGS, model_of, retry_task, solver_that
 from skillplan.env import OUT_OF_TIME, Sb3VecEnv, SkillEnv, SkillVectorEnv
 from skillplan.errors import OptionError
-from skillplan.pipeline import make_model
+from skillplan.pipeline import make_model, solve
+from skillplan.solvers import Plan, Solution
 
 NAME = "skillplan.env:skillplan/Task-v0"
 
@@ -60,6 +62,34 @@ def test_sb3_contrib_finds_the_masks(board):
     assert board.envs.action_masks().tolist() == masks.tolist()
     assert masks[1].tolist() == board.get_attr("action_masks", 1)[0]().tolist()
     assert masks[0].tolist() == board.reset_infos[0]["action_mask"].tolist()
+
+
+def test_the_checker_of_stable_baselines3_has_nothing_to_say_against_single_ones(board_task):
+    """A warning would be an error here."""
+    check_env(SkillEnv(make_model(board_task), render_mode="rgb_array"))
+
+
+@pytest.mark.slow(reason="trains; the adapter is compared step by step in every run")
+def test_a_learned_policy_gets_the_return_that_the_referee_finds(board_task):
+    """MaskablePPO completes the board after 8,192 steps; the docs have other learners."""
+    from sb3_contrib import MaskablePPO
+    from sb3_contrib.common.maskable.evaluation import evaluate_policy
+
+    model = make_model(board_task)
+    envs = Sb3VecEnv(SkillVectorEnv(model, 8, objective="cost"))
+    learner = MaskablePPO("MlpPolicy", envs, n_steps=64, seed=0, device="cpu").learn(8192)
+    judged = VecMonitor(Sb3VecEnv(SkillVectorEnv(model, 1, objective="cost")))
+    mean_return, spread = evaluate_policy(learner, judged, n_eval_episodes=3)
+    obs, done, plan = judged.reset(), False, []
+    while not done:
+        masks = np.stack(judged.env_method("action_masks"))
+        actions, _ = learner.predict(obs, action_masks=masks, deterministic=True)
+        plan.append(board_task.skills[int(actions[0])].name)
+        obs, _, (done,), _ = judged.step(actions)
+    solver = solver_that(lambda *_: Solution(Plan(tuple(plan))))
+    result = solve(board_task, solver)
+    assert ("solved", 0.0) == (result.status, spread)
+    assert 10.0 - mean_return == pytest.approx(result.cost, abs=1e-5)
 
 
 def test_a_monitor_reports_return_and_length(board_task):

@@ -160,6 +160,8 @@ def executed(script, namespace):
     """Return what a Python script prints."""
     with _captured() as stream, warnings.catch_warnings():
         warnings.simplefilter("error")
+        # Of moviepy, when it is first compiled.
+        warnings.filterwarnings("ignore", "invalid escape sequence")
         exec(compile(script, "page", "exec"), namespace)
     return _text(stream)
 

@@ -148,14 +148,8 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc]
         AttributeError
             If it is another method.
         """
-        if method_name not in ("action_masks", "render"):
-            raise AttributeError(
-                f"Sub-environments have no method {method_name!r}; they have action_masks and "
-                "render."
-            )
-        results = getattr(self.envs, method_name)(*method_args, **method_kwargs)
-        places = self._get_indices(indices)
-        return [None if results is None else results[place] for place in places]
+        results = self.envs.call(method_name, *method_args, **method_kwargs)
+        return [results[place] for place in self._get_indices(indices)]
 
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Indices = None

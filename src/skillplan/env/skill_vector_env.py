@@ -386,6 +386,23 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         self._window.show(frames, tasks[0].name)
         return None
 
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Return the results of ``action_masks`` or ``render``, one per sub-environment.
+
+        As `SyncVectorEnv.call`, which wrappers of other libraries use.
+
+        Raises
+        ------
+        AttributeError
+            If it is another method.
+        """
+        if name not in ("action_masks", "render"):
+            raise AttributeError(
+                f"Sub-environments have no method {name!r}; they have action_masks and render."
+            )
+        results = getattr(self, name)(*args, **kwargs)
+        return (None,) * self.num_envs if results is None else tuple(results)
+
     def _caption(self, place: int) -> str:
         """Return the number of the step and the last skill, or how the last episode ended."""
         caption = f"step {self._steps[place]}"
