@@ -204,7 +204,10 @@ class TestTheOverview:
             "extent_m": near([(0.75, 0.60), (1.75, 1.20)]),
             "chords": 0,
             "deviation_m": 0.0,
+            "notes": [],
+            "crossings_m": [],
+            "holes_m": [],
         } == shown.document["trajectory"]
         assert shown.lines == (
-            "trajectory closed, 2.562 m long, 3 segments, x 0.750 to 1.750 m, y 0.600 to 1.200 m",
+            "trajectory closed, 2.5620 m long, 3 segments, x 0.750 to 1.750 m, y 0.600 to 1.200 m",
         )

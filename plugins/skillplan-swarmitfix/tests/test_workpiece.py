@@ -14,6 +14,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from skillplan_swarmitfix import (
+    CORNER_RAD,
     MAX_CHORDS,
     Arc,
     Corner,
@@ -26,6 +27,8 @@ from skillplan_swarmitfix import (
     VertexKind,
     Workpiece,
     crossings,
+    find_meetings,
+    measure_m,
 )
 from skillplan_swarmitfix.trajectory.workpiece import faults
 
@@ -223,6 +226,62 @@ class TestWorkpiece:
             Workpiece(True, (), (), True)
 
 
+class TestCorners:
+    """Heads are placed from corner to corner, however a path between them is written."""
+
+    @staticmethod
+    def half_circle(parts: int) -> list[Element]:
+        """Return a half circle of radius 1 about the origin as chords, or as one arc."""
+        if parts == 0:
+            return [Arc((-1, 0), (0, 1))]
+        turned = [math.pi * i / parts for i in range(1, parts + 1)]
+        return [Line((math.cos(angle), math.sin(angle))) for angle in turned]
+
+    def corners(self, elements: list[Element], *, closed: bool) -> Workpiece:
+        return Workpiece.from_elements(
+            (1, 0), elements, closed=closed, chord_tolerance_m=1e-4, corner_rad=CORNER_RAD
+        )
+
+    @pytest.mark.parametrize("parts", [0, 10, 60])
+    def test_an_arc_is_one_segment_as_an_arc_or_as_chords(self, parts):
+        whole = self.corners(self.half_circle(parts), closed=False)
+        (segment,) = whole.segments
+        assert [vertex.kind for vertex in whole.vertices] == ["end", "end"]
+        middle = segment.point_at(segment.length_m / 2)
+        assert middle == pytest.approx((0, 1), abs=1e-2)
+        assert segment.heading_at(0.0, 0.1) == pytest.approx(math.pi / 2, abs=0.2)
+
+    @pytest.mark.parametrize("parts", [0, 40])
+    def test_a_circle_has_a_vertex_at_its_start_and_one_opposite(self, parts):
+        lower = [
+            Arc((1, 0), (0, -1)) if isinstance(e, Arc) else Line((-e.end[0], -e.end[1]))
+            for e in self.half_circle(parts)
+        ]
+        whole = self.corners([*self.half_circle(parts), *lower], closed=True)
+        assert [vertex.position for vertex in whole.vertices] == [
+            (1, 0),
+            pytest.approx((-1, 0), abs=1e-9),
+        ]
+        lengths = [segment.true_length_m for segment in whole.segments]
+        assert lengths[0] == pytest.approx(lengths[1])
+
+    def test_corners_stay_vertices(self):
+        whole = self.corners([Line((2, 0)), Line((2, 1)), Line((1, 1))], closed=True)
+        assert len(whole.vertices) == 4
+
+    @given(st.floats(0.1, 3.0), st.floats(0.3, 1.4))
+    def test_the_length_is_that_of_the_curve(self, radius, half):
+        """Not of its chords."""
+        ends = [(radius * math.cos(w), radius * math.sin(w)) for w in (0.0, half, 2 * half)]
+        arc = Arc(ends[2], ends[1])
+        coarse = Workpiece.from_elements(ends[0], [arc], closed=False, chord_tolerance_m=0.1)
+        assert coarse.length_m == pytest.approx(2 * half * radius, rel=1e-9)
+        spline = Spline((ends[1], ends[2]))
+        fine = Workpiece.from_elements(ends[0], [spline], closed=False, chord_tolerance_m=1e-7)
+        chords = fine.segments[0].length_m
+        assert measure_m(ends[0], spline) == pytest.approx(chords, rel=1e-5)
+
+
 class TestFaults:
     def test_a_good_trajectory_has_none(self):
         assert told((1, 1), Line((2, 1)), Line((2, 2)), closed=True, outline=BENCH) == []
@@ -232,22 +291,20 @@ class TestFaults:
         assert path == (1,)
         assert "(1, 0) m, which makes a segment of zero length; leave one" in message
 
-    def test_a_crossing_names_both_segments_and_the_place(self):
-        bow = [Line((1, 1)), Line((1, 0)), Line((0, 1))]
-        ((message, path),) = told((0, 0), *bow, closed=True)
-        assert path == (2,)
-        assert message.startswith("Segment 3 crosses or touches segment 1 at (0.5, 0.5) m; lead")
-
-    def test_the_closing_line_may_be_what_crosses(self):
-        ((message, path),) = told((0, 0), Line((1, 0)), Line((0, 1)), Line((1, 1)), closed=True)
-        assert path == ()
-        assert message.startswith("The line that closes the trajectory crosses or touches segment")
-        assert "segment 2 at (0.5, 0.5) m" in message
-
-    def test_touching_is_a_crossing(self):
-        ((message, path),) = told((0, 0), Line((2, 0)), Line((2, 1)), Line((1, 0)))
-        assert path == (2,)
-        assert "Segment 3 crosses or touches segment 1 at (1, 0) m" in message
+    @pytest.mark.parametrize(
+        ("elements", "closed", "places"),
+        [
+            ([Line((1, 1)), Line((1, 0)), Line((0, 1))], True, [(0.5, 0.5)]),
+            ([Line((1, 0)), Line((0, 1)), Line((1, 1))], True, [(0.5, 0.5)]),
+            ([Line((2, 0)), Line((2, 1)), Line((1, 0))], False, [(1, 0)]),
+            ([Line((1, 0)), Line((1, 1))], True, []),
+        ],
+    )
+    def test_a_tool_may_cross_its_path_and_the_place_is_known(self, elements, closed, places):
+        assert told((0, 0), *elements, closed=closed) == []
+        assert find_meetings((0, 0), elements, 1e-3, closed=closed) == [
+            pytest.approx(place) for place in places
+        ]
 
     def test_leading_back_along_itself_is_a_fold(self):
         ((message, path),) = told((0, 0), Line((2, 0)), Line((1, 0)))
@@ -255,26 +312,23 @@ class TestFaults:
         assert "Segment 2 folds back onto segment 1 at (2, 0) m" in message
 
     def test_a_curve_may_cross_a_line_or_itself(self):
-        ((message, _),) = told((0, 0), Line((2, 0)), Arc((1, 0.5), (1.5, -0.5)))
-        assert "Segment 2 crosses or touches segment 1" in message
+        line_and_arc = [Line((2, 0)), Arc((1, 0.5), (1.5, -0.5))]
+        assert told((0, 0), *line_and_arc) == []
+        assert len(find_meetings((0, 0), line_and_arc, 1e-3, closed=False)) == 1
         loop = Spline(((2, 0), (2, 1), (1, 1), (1, -1)))
-        ((message, path),) = told((0, 0), loop)
-        assert "Segment 1 crosses or touches itself at (0.9" in message
-        assert path == (0,)
+        ((x, _),) = find_meetings((0, 0), [loop], 1e-3, closed=False)
+        assert x == pytest.approx(0.95, abs=0.05)
 
     def test_an_open_one_that_ends_at_its_start_is_told_to_be_closed(self):
         ((message, path),) = told((1, 0), *CIRCLE)
         assert path == ()
         assert "ends at its start, (1, 0) m, but is declared open" in message
 
-    def test_of_many_crossings_some_are_told_and_the_rest_counted(self):
-        comb = [Line((20.0, 0))]
-        comb += [Line((20 - 0.5 * (i + 1), 1.0 if i % 2 else -1.0)) for i in range(30)]
-        messages = told((0, 0), *comb)
+    def test_of_many_folds_some_are_told_and_the_rest_counted(self):
+        ruler = [Line((x, 0.0)) for i in range(15) for x in (i + 2.0, i + 1.0)]
+        messages = told((0, 0), *ruler)
         assert len(messages) == 11
-        assert re.fullmatch(
-            r"The trajectory meets itself \d+ times more at least\.", messages[-1][0]
-        )
+        assert re.fullmatch(r"The trajectory folds back \d+ times more at least\.", messages[-1][0])
 
     def test_a_point_off_the_bench_is_told_with_the_outline(self):
         messages = told((-1, 1), Line((3, 1)), Arc((3, 0), (4.5, 0.5)), outline=BENCH)

@@ -112,10 +112,13 @@ from .pkm.reach import rule as rule
 from .report.bench_playback import compute_base_rows as compute_base_rows
 from .report.bench_playback import make_turning as make_turning
 from .schema import SwarmitfixConfig as SwarmitfixConfig
+from .trajectory.contours import FileContours as FileContours
 from .trajectory.dxf_entities import CURVE_TOLERANCE_M as CURVE_TOLERANCE_M
 from .trajectory.faults import crossings as crossings
+from .trajectory.faults import find_meetings as find_meetings
 from .trajectory.files import MAX_BYTES as MAX_BYTES
 from .trajectory.files import SUFFIXES as SUFFIXES
+from .trajectory.files import read_contours as read_contours
 from .trajectory.files import read_trajectory as read_trajectory
 from .trajectory.path import TrajectoryFileError as TrajectoryFileError
 from .trajectory.path import TrajectoryPath as TrajectoryPath
@@ -128,12 +131,14 @@ from .trajectory.path_elements import arc_or_line as arc_or_line
 from .trajectory.path_elements import circle_of as circle_of
 from .trajectory.path_elements import end_directions as end_directions
 from .trajectory.path_elements import ending_at as ending_at
+from .trajectory.path_elements import measure_m as measure_m
 from .trajectory.path_elements import reversed_element as reversed_element
 from .trajectory.path_elements import sample as sample
 from .trajectory.path_elements import sampling_error_m as sampling_error_m
 from .trajectory.plane_point import SAME_POINT_M as SAME_POINT_M
 from .trajectory.plane_point import Point2 as Point2
 from .trajectory.plane_point import shown as shown
+from .trajectory.workpiece import CORNER_RAD as CORNER_RAD
 from .trajectory.workpiece import Corner as Corner
 from .trajectory.workpiece import Segment as Segment
 from .trajectory.workpiece import Vertex as Vertex
@@ -143,6 +148,7 @@ from .trajectory.workpiece import Workpiece as Workpiece
 __all__ = [
     "ALL_TURNS",
     "ANGLES_DEG",
+    "CORNER_RAD",
     "CURVE_TOLERANCE_M",
     "HEADINGS",
     "LEGS",
@@ -166,6 +172,7 @@ __all__ = [
     "Corner",
     "Direction",
     "Element",
+    "FileContours",
     "FiveStep",
     "FleetParallelEnv",
     "FleetSolver",
@@ -236,6 +243,7 @@ __all__ = [
     "even_heads",
     "fewest",
     "find_links_m",
+    "find_meetings",
     "find_paths",
     "fleet_faults",
     "fleet_task",
@@ -252,6 +260,7 @@ __all__ = [
     "limits_of",
     "make_turning",
     "makespan",
+    "measure_m",
     "mount_of",
     "normal_yaw",
     "open_bench_canvas",
@@ -259,6 +268,7 @@ __all__ = [
     "passed_pins",
     "path_between",
     "quadrilateral",
+    "read_contours",
     "read_trajectory",
     "reversed_element",
     "robot_at",

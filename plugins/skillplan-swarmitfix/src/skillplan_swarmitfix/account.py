@@ -87,6 +87,7 @@ def _workpiece(job: Job) -> dict[str, Any]:
     chords, off_m = job.sampling
     return {
         "sampling": {"chords": chords, "deviation_m": off_m},
+        "trajectory_notes": job.trajectory_notes,
         "reachable": base.reach_rule,
         **({"relax": base.relax} if base.reach_rule == "required" else {}),
         "workpiece": {
@@ -106,7 +107,7 @@ def _workpiece(job: Job) -> dict[str, Any]:
                 for vertex in workpiece.vertices
             ],
             "segments": [
-                {"length_m": segment.length_m, "curved": segment.is_curved}
+                {"length_m": segment.true_length_m, "curved": segment.is_curved}
                 for segment in workpiece.segments
             ],
         },
@@ -267,7 +268,7 @@ def _goals_listing(
     kinds = ", ".join(f"{count} {kind}" for kind, count in workpiece.vertex_counts.items())
     curved = sum(segment.is_curved for segment in workpiece.segments)
     above = [
-        f"trajectory {'closed' if workpiece.closed else 'open'}, {workpiece.length_m:.3f} m, "
+        f"trajectory {'closed' if workpiece.closed else 'open'}, {workpiece.length_m:.4f} m, "
         f"{len(workpiece.segments)} segments ({curved} curved), vertices: {kinds}"
     ]
     spacing_m = [
@@ -276,6 +277,7 @@ def _goals_listing(
     ]
     if job.sampling_text:
         above.append(f"           {job.sampling_text}")
+    above += [f"           {note}" for note in job.trajectory_notes]
     above.append(f"heads      {len(heads)}, {min(spacing_m):.3f} to {max(spacing_m):.3f} m apart")
     close = sum(spacing < job.head_rules.side_m for spacing in spacing_m)
     if close:

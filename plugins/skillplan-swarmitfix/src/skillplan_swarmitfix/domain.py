@@ -37,14 +37,18 @@ def overview(config: SwarmitfixConfig) -> Overview:
         "extent_m": [[x_low, y_low], [x_high, y_high]],
         "chords": chords,
         "deviation_m": off_m,
+        "notes": job.trajectory_notes,
+        "crossings_m": [list(point) for point in job.meetings],
+        "holes_m": [list(point) for point in config.trajectory.holes],
     }
     form = "closed" if workpiece.closed else "open"
     line = (
-        f"trajectory {form}, {workpiece.length_m:.3f} m long, {len(workpiece.segments)} segments, "
+        f"trajectory {form}, {workpiece.length_m:.4f} m long, {len(workpiece.segments)} segments, "
         f"x {x_low:.3f} to {x_high:.3f} m, y {y_low:.3f} to {y_high:.3f} m"
     )
     sampled = (f"           {job.sampling_text}",) if job.sampling_text else ()
-    return Overview({"trajectory": document}, (line, *sampled))
+    notes = [f"           {note}" for note in job.trajectory_notes]
+    return Overview({"trajectory": document}, (line, *sampled, *notes))
 
 
 class SwarmitfixDomain(Domain):

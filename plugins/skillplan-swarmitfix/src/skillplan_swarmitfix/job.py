@@ -60,12 +60,15 @@ from skillplan_swarmitfix.pkm.reach import (
 )
 from skillplan_swarmitfix.schema import PLANNED_REACH_M, SwarmitfixConfig
 from skillplan_swarmitfix.trajectory.content import elements_of
-from skillplan_swarmitfix.trajectory.path_elements import sampling_error_m
+from skillplan_swarmitfix.trajectory.faults import find_meetings
+from skillplan_swarmitfix.trajectory.path_elements import Line, sample, sampling_error_m
 from skillplan_swarmitfix.trajectory.plane_point import Point2, shown
-from skillplan_swarmitfix.trajectory.workpiece import Segment, Workpiece
+from skillplan_swarmitfix.trajectory.workpiece import CORNER_RAD, Segment, Workpiece
 
 Plans = Mapping[str, Sequence[str]]
 GOALS = "goals"
+MOST_SHOWN = 3
+"""So many crossings are listed in a note."""
 
 
 class Job:
@@ -100,12 +103,17 @@ class Job:
     def workpiece(self) -> Workpiece:
         """The trajectory, split into segments."""
         assert self.config.trajectory is not None
-        start, elements = elements_of(self.config.trajectory)
+        trajectory = self.config.trajectory
+        start, elements = elements_of(trajectory)
+        # The elements of `path` are segments as the user writes them; subdivisions count segments.
+        is_resampled = trajectory.file is not None or trajectory.vertices_m is not None
+        planned = self.config.heads.subdivisions is None
         return Workpiece.from_elements(
             start,
             elements,
-            closed=self.config.trajectory.closed,
-            chord_tolerance_m=self.config.trajectory.chord_tolerance_m,
+            closed=trajectory.closed,
+            chord_tolerance_m=trajectory.chord_tolerance_m,
+            corner_rad=CORNER_RAD if is_resampled and planned else None,
         )
 
     @cached_property
@@ -116,7 +124,11 @@ class Job:
         start, elements = elements_of(trajectory)
         starts = [start, *(element.end for element in elements)]
         tolerance_m = trajectory.chord_tolerance_m
-        chords = sum(len(s.points) - 1 for s in self.workpiece.segments if s.is_curved)
+        chords = sum(
+            len(sample(begin, element, tolerance_m))
+            for begin, element in zip(starts, elements, strict=False)
+            if not isinstance(element, Line)
+        )
         off_m = [
             sampling_error_m(*pair, tolerance_m) for pair in zip(starts, elements, strict=False)
         ]
@@ -135,6 +147,29 @@ class Job:
         return (
             f"curves sampled to {chords} chords, at most {off_m * 1e3:.2g} mm off" if chords else ""
         )
+
+    @cached_property
+    def meetings(self) -> list[Point2]:
+        """Points at which the trajectory crosses or touches itself [m]."""
+        trajectory = self.config.trajectory
+        assert trajectory is not None
+        start, elements = elements_of(trajectory)
+        return find_meetings(
+            start, elements, trajectory.chord_tolerance_m, closed=trajectory.closed
+        )
+
+    @property
+    def trajectory_notes(self) -> list[str]:
+        """Everything that was assumed or left out of the trajectory's file, and crossings."""
+        assert self.config.trajectory is not None
+        notes = list(self.config.trajectory.notes)
+        if self.meetings:
+            places = ", ".join(map(shown, self.meetings[:MOST_SHOWN]))
+            more = len(self.meetings) - MOST_SHOWN
+            notes.append(
+                f"crosses or touches itself at {places}" + (f" and {more} more" if more > 0 else "")
+            )
+        return notes
 
     @cached_property
     def head_rules(self) -> HeadRules:

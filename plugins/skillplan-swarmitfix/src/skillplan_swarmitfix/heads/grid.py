@@ -173,7 +173,7 @@ class HeadGrid:
         With the latter, heads need not turn where those at the vertices do not.
         """
         rules = self.rules
-        along = self.segment.direction_at(self.segment.length_m / 2)
+        along = self.segment.heading_at(self.segment.length_m / 2, rules.side_m)
         tried = [along + THIRD_RAD * o / rules.orientations for o in range(rules.orientations)]
         yaws: list[float] = []
         for yaw in (*tried, self.start.yaw_rad, self.end.yaw_rad):
@@ -313,15 +313,16 @@ class HeadGrid:
         Dynamic programming. Of equals it takes the fewest heads, then the least sum of squares
         of the stretches that lie bare.
         """
+        # Rounded, so that sums are equal in any order, and equal for an arc and its chords.
+        digits = 5 if self.segment.is_resampled else 9
         to_go = {self.last: (0.0, 0, 0.0)}
         following: dict[int, int] = {}
         for node in sorted(self.arrows, reverse=True):
             paths = []
             for other, bare_m in self.arrows[node].items():
                 cost, count, uneven = to_go[other]
-                # Rounded, so that sums are equal in any order.
                 cost = round(cost + self.cost(node, other), 9)
-                uneven = round(uneven + bare_m**2, 9)
+                uneven = round(uneven + bare_m**2, digits)
                 paths.append(((cost, count + 1, uneven), other))
             to_go[node], following[node] = min(paths)
         nodes, node = [], 0

@@ -140,11 +140,11 @@ def vertex_heads(workpiece: Workpiece, rules: HeadRules) -> tuple[Head, ...]:
         segment = segments[i - 1] if ending else segments[i]
         distance_m = segment.length_m if ending else 0.0
         if vertex.kind is VertexKind.END:
-            yaw = segment.direction_at(distance_m) + (math.pi if ending else 0.0)
+            yaw = segment.heading_at(distance_m, rules.side_m) + (math.pi if ending else 0.0)
         else:
             before = segments[i - 1]
-            back = before.direction_at(before.length_m) + math.pi
-            yaw = _bisecting_yaw(back, segment.direction_at(0.0), vertex.kind)
+            back = before.heading_at(before.length_m, rules.side_m) + math.pi
+            yaw = _bisecting_yaw(back, segment.heading_at(0.0, rules.side_m), vertex.kind)
         heads.append(
             Head(vertex.position, normal_yaw(yaw), HeadKind.VERTEX, segment.index, distance_m)
         )

@@ -80,7 +80,7 @@ def crossings(points: _Floats, *, closed: bool) -> list[Crossing]:
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
     folds = _folds(starts, ends, closed=closed)
     count = len(starts)
-    for first, second in _near_pairs(starts, ends):
+    for first, second in near_pairs(starts, ends):
         apart = second > first + 1
         if closed:
             apart &= (first > 0) | (second < count - 1)
@@ -111,7 +111,7 @@ def _folds(starts: _Floats, ends: _Floats, *, closed: bool) -> list[Crossing]:
     return folds
 
 
-def _near_pairs(starts: _Floats, ends: _Floats) -> Iterator[tuple[_Indices, _Indices]]:
+def near_pairs(starts: _Floats, ends: _Floats) -> Iterator[tuple[_Indices, _Indices]]:
     """Yield pairs of different chords, the lower index first, whose boxes overlap."""
     axes = _axes(ends - starts)
     low = np.minimum(starts @ axes, ends @ axes) - TOUCH_M
@@ -321,32 +321,54 @@ def _off_bench(
 def _crossings(
     start: Point2, sampled: Sequence[Sequence[Point2]], given: int, *, closed: bool
 ) -> Iterator[Fault]:
-    """Yield a fault for every place in which the trajectory meets itself."""
+    """Yield a fault for every place in which the trajectory folds back onto itself."""
+    distinct, owner = _meetings(start, sampled, closed=closed)
+    end = sampled[-1][-1]
+    if not closed and _same(start, end):
+        message = (
+            f"The trajectory ends at its start, {shown(start)}, but is declared open; "
+            "declare it closed."
+        )
+        yield message, ()
+    folds = [crossing for crossing in distinct if crossing.folded]
+    for crossing in folds[:MOST_LISTED]:
+        first, other = owner[crossing.first], owner[crossing.second]
+        rest = "itself" if first == other else f"segment {first + 1}"
+        name = f"Segment {other + 1}" if other < given else "The line that closes the trajectory"
+        message = (
+            f"{name} folds back onto {rest} at {shown(crossing.point)}; lead one of them along "
+            "another path, or split the trajectory into two."
+        )
+        yield message, (other,) if other < given else ()
+    if len(folds) > MOST_LISTED:
+        yield f"The trajectory folds back {len(folds) - MOST_LISTED} times more at least.", ()
+
+
+def find_meetings(
+    start: Point2, elements: Sequence[Element], chord_tolerance_m: float, *, closed: bool
+) -> list[Point2]:
+    """Return the points at which a faultless trajectory crosses or touches itself [m].
+
+    At most `MAX_CROSSINGS`. Parameters as in `faults`.
+    """
+    whole = joined(start, elements, closed=closed)
+    starts = [start, *(element.end for element in whole)]
+    sampled = [
+        sample(begin, element, chord_tolerance_m)
+        for begin, element in zip(starts, whole, strict=False)
+    ]
+    return [crossing.point for crossing in _meetings(start, sampled, closed=closed)[0]]
+
+
+def _meetings(
+    start: Point2, sampled: Sequence[Sequence[Point2]], *, closed: bool
+) -> tuple[list[Crossing], list[int]]:
+    """Return the distinct crossings of chords, and the element that each chord belongs to."""
     points = [start, *itertools.chain.from_iterable(sampled)]
     owner = [i for i, part in enumerate(sampled) for _ in part]
     if closed:
         points.pop()
-    distinct = _distinct(crossings(np.array(points, dtype=np.float64), closed=closed), owner)
-    for crossing in distinct[:MOST_LISTED]:
-        first, other = owner[crossing.first], owner[crossing.second]
-        place = shown(crossing.point)
-        if not closed and _same(crossing.point, start) and _same(crossing.point, points[-1]):
-            message = (
-                f"The trajectory ends at its start, {place}, but is declared open; "
-                "declare it closed."
-            )
-            yield message, ()
-            continue
-        rest = "itself" if first == other else f"segment {first + 1}"
-        verb = "folds back onto" if crossing.folded else "crosses or touches"
-        name = f"Segment {other + 1}" if other < given else "The line that closes the trajectory"
-        message = (
-            f"{name} {verb} {rest} at {place}; lead one of them along another path, "
-            "or split the trajectory into two."
-        )
-        yield message, (other,) if other < given else ()
-    if len(distinct) > MOST_LISTED:
-        yield f"The trajectory meets itself {len(distinct) - MOST_LISTED} times more at least.", ()
+    return _distinct(crossings(np.array(points, dtype=np.float64), closed=closed), owner), owner
 
 
 def _distinct(known: Sequence[Crossing], owner: Sequence[int]) -> list[Crossing]:

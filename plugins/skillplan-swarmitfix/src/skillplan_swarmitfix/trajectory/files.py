@@ -6,19 +6,34 @@ import csv
 import io
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from skillplan.files.regular_file import CompanionFileError, read_companion
+from skillplan_swarmitfix.trajectory.contours import Choice, FileContours
 from skillplan_swarmitfix.trajectory.path import (
     TrajectoryFileError,
     TrajectoryPath,
+    merged_note,
     one_line,
 )
 from skillplan_swarmitfix.trajectory.path_elements import Element, Line
-from skillplan_swarmitfix.trajectory.plane_point import MAX_COORDINATE_M, Point2
+from skillplan_swarmitfix.trajectory.plane_point import (
+    MAX_COORDINATE_M,
+    SAME_POINT_M,
+    Point2,
+)
 from skillplan_swarmitfix.trajectory.units import UNITS_M, UnitName
 
-__all__ = ["MAX_BYTES", "SUFFIXES", "TrajectoryFileError", "TrajectoryPath", "read_trajectory"]
+__all__ = [
+    "MAX_BYTES",
+    "SUFFIXES",
+    "FileContours",
+    "TrajectoryFileError",
+    "TrajectoryPath",
+    "read_contours",
+    "read_trajectory",
+]
 
 MAX_BYTES = 8 * 1024 * 1024
 """Greatest size of a file."""
@@ -31,27 +46,55 @@ _HEADER_WITHOUT_UNIT = "x,y"
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
-def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
+def read_trajectory(
+    path: Path,
+    unit: UnitName | None = None,
+    *,
+    layer: str | None = None,
+    contour: Choice = None,
+) -> TrajectoryPath:
     """Return the tool trajectory that a file holds.
-
-    A trajectory that ends within `JOIN_M` of its start is closed. Whether it crosses itself or
-    leaves the bench is checked by `workpiece.faults`.
 
     Parameters
     ----------
-    path
-        The suffix selects the reader: ``.dxf`` `dxf_trajectory`; ``.nc``, ``.gcode``, ``.ngc`` and
-        ``.tap`` `gcode_trajectory`; ``.csv`` `csv_trajectory`.
-    unit
-        Unit of its lengths: for a drawing it overrides ``$INSUNITS``, for a program it holds until
-        G20 or G21, for a table it needs the header ``x,y``. None for the unit of the file, or
-        millimetres without one.
+    path, unit, layer
+        As in `read_contours`.
+    contour
+        As in `FileContours.choose`; a point is in the file's coordinates [m].
 
     Raises
     ------
     TrajectoryFileError
-        If the file cannot be read, is larger than `MAX_BYTES`, or holds anything but one
-        trajectory; with the line or the entity.
+        If the file cannot be read, or holds several contours and none is chosen.
+    """
+    return read_contours(path, unit, layer=layer).choose(contour)
+
+
+def read_contours(
+    path: Path, unit: UnitName | None = None, *, layer: str | None = None
+) -> FileContours:
+    """Return the contours that a file holds.
+
+    A contour that ends within `JOIN_M` of its start is closed. Whether it leaves the bench is
+    checked by `workpiece.faults`.
+
+    Parameters
+    ----------
+    path
+        The suffix selects the reader: ``.dxf`` `read_drawing`; ``.nc``, ``.gcode``, ``.ngc`` and
+        others of `GCODE_SUFFIXES` `read_program`; ``.csv`` `read_table`.
+    unit
+        Unit of its lengths: for a drawing it overrides ``$INSUNITS``, for a program it holds until
+        G20 or G21, for a table it needs the header ``x,y``. None for the unit of the file, or
+        millimetres without one.
+    layer
+        Layer of a drawing that holds the trajectory; None for all that are on.
+
+    Raises
+    ------
+    TrajectoryFileError
+        If the file cannot be read, is larger than `MAX_BYTES`, or holds no path; with the line or
+        the entity.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -61,18 +104,24 @@ def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
     content = _content(path)
     if suffix == ".dxf":
         # Takes ezdxf, which takes half a second to import.
-        from skillplan_swarmitfix.trajectory.dxf_entities import dxf_trajectory
+        from skillplan_swarmitfix.trajectory.dxf_entities import read_drawing
 
-        return dxf_trajectory(path, content, unit)
-    text = _text(path, content)
+        return read_drawing(path, content, unit, layer)
+    if layer is not None:
+        raise TrajectoryFileError(path, "Only drawings have layers; leave trajectory.layer out.")
     if suffix == ".csv":
-        return csv_trajectory(path, text, unit)
-    from skillplan_swarmitfix.trajectory.gcode import gcode_trajectory
+        return FileContours(path, (read_table(path, _text(path, content), unit),))
+    from skillplan_swarmitfix.trajectory.gcode import read_program
 
-    return gcode_trajectory(path, text, unit)
+    # Comments may be in any encoding, and code is ASCII.
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    return read_program(path, text, unit)
 
 
-def csv_trajectory(path: Path, text: str, unit: UnitName | None = None) -> TrajectoryPath:
+def read_table(path: Path, text: str, unit: UnitName | None = None) -> TrajectoryPath:
     """Return the trajectory whose vertices a table holds.
 
     Parameters
@@ -123,8 +172,20 @@ def csv_trajectory(path: Path, text: str, unit: UnitName | None = None) -> Traje
             f"The table has {len(vertices)} vertices; give the header x_m,y_m or x_mm,y_mm and "
             "two rows or more.",
         )
-    elements: list[Element] = [Line(vertex) for vertex in vertices[1:]]
-    return TrajectoryPath.ended(vertices[0], elements, places[1:], places[0])
+    elements: list[Element] = []
+    kept: list[str] = []
+    here = vertices[0]
+    for vertex, place in zip(vertices[1:], places[1:], strict=True):
+        if math.dist(here, vertex) > SAME_POINT_M:
+            elements.append(Line(vertex))
+            kept.append(place)
+            here = vertex
+    if not elements:
+        raise TrajectoryFileError(path, "All vertices of the table are one point; give others.")
+    merged = len(vertices) - 1 - len(elements)
+    note = (merged_note(merged),) if merged else ()
+    table = TrajectoryPath.ended(vertices[0], elements, kept, places[0])
+    return replace(table, notes=note)
 
 
 def _unit_of_header(path: Path, header: str, place: str, unit: UnitName | None) -> float:

@@ -1,55 +1,92 @@
-"""The tool trajectory of a G-code program: its feed moves in the XY plane.
+"""The contours of a G-code program: its feed moves in the XY plane.
 
-Rapid moves (G0) place the tool and do not belong to the trajectory; neither does motion along Z.
-A program is in the unit of the task file, by default millimetres (G21), and absolute (G90)
-until it changes this, and the centres of
-its arcs are given from their start (G91.1). What could lead the tool elsewhere and is not read
-here (tool compensation, other planes, offsets, canned cycles, subprograms) is refused, not passed
-over. Words have their meaning in RS274/NGC (T. R. Kramer, F. M. Proctor, E. Messina,
-"The NIST RS274NGC Interpreter - Version 3", NISTIR 6556, 2000).
+Rapid moves (G0) place the tool and do not belong to a contour. Neither do motion along Z, feed
+moves above the cut, and holes drilled by canned cycles, which are listed. A program is in the unit
+of the task file, by default millimetres (G21), and absolute (G90) until it changes this, and the
+centres of its arcs count from their start (G91.1). Codes that may lead the tool elsewhere and are
+not followed here (rotation, scaling, subprograms, parameters) are refused; other codes without
+motion are passed over with a note. Words have their meaning in RS274/NGC (T. R. Kramer, F. M.
+Proctor, E. Messina, "The NIST RS274NGC Interpreter - Version 3", NISTIR 6556, 2000), and in
+LinuxCNC's description.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from skillplan_swarmitfix.trajectory.contours import FileContours
 from skillplan_swarmitfix.trajectory.path import (
     JOIN_M,
     TrajectoryFileError,
-    TrajectoryPath,
+    count,
+    merged_note,
+    millimetres,
     one_line,
 )
-from skillplan_swarmitfix.trajectory.path_elements import Element, Line, arc_or_line
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Line, arc_or_line
 from skillplan_swarmitfix.trajectory.plane_point import (
     MAX_COORDINATE_M,
     SAME_POINT_M,
     Point2,
-    shown,
 )
+from skillplan_swarmitfix.trajectory.tool_path import Feed, find_contours
 from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
+
+MOST_FEEDS = 200_000
+"""Most feed moves, and most drilled holes, of a program."""
 
 _WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))", re.ASCII)
 _BLANK = re.compile(r"\([^()]*\)|;.*|\s")
+_MESSAGE = re.compile(r"M11[78](?!\d).*", re.ASCII)
+_FLOW = re.compile(r"O(?:<[^>]*>|\d+)(?:SUB|END|CALL|IF|ELSE|DO|WHILE|REPEAT|RETURN|BREAK|CONT)")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _MOTIONS = ("0", "1", "2", "3")
-_HARMLESS_G = frozenset(("4", "17", "40", "43", "49", "54", "61", "64", "80", "91.1", "94", "98"))
+_USUAL_G = frozenset(("4", "40", "43", "49", "54", "61", "64", "80", "94", "98", "99"))
+_IDLE_G = frozenset(
+    [
+        "8",
+        "9",
+        "15",
+        "43.1",
+        "44",
+        "50",
+        "50.1",
+        "61.1",
+        "62",
+        "69",
+        "93",
+        "95",
+        "96",
+        "97",
+        "187",
+        "28.1",
+        "30.1",
+        "92.2",
+        "92.3",
+    ]
+)
+_CYCLES = frozenset(["73", "74", "81", "82", "83", "84", "85", "86", "87", "88", "89"])
+_ORIGINS = frozenset(["54", "55", "56", "57", "58", "59", "59.1", "59.2", "59.3"])
+_COMPENSATION = frozenset(("41", "41.1", "42", "42.1"))
 _OF_THE_MACHINE = frozenset(("28", "30", "53"))
-_HARMLESS_M = frozenset(("0", "1", "3", "4", "5", "6", "7", "8", "9"))
-_END_M = frozenset(("2", "30"))
+_USUAL_M = frozenset(("0", "1", "3", "4", "5", "6", "7", "8", "9"))
+_END_M = frozenset(("2", "30", "99"))
+_ELSEWHERE_M = frozenset(("72", "96", "97", "98"))
 _PLACING = "XYIJR"
-_HARMLESS_WORDS = "FSTHNOPZ"
+_TURNING_AXES = "ABCUVWE"
+_MOST_TURNS = 1_000
+_MOST_NAMED = 12
 
 
-def gcode_trajectory(path: Path, text: str, unit: UnitName | None = None) -> TrajectoryPath:
-    """Return the trajectory of a program.
+def read_program(path: Path, text: str, unit: UnitName | None = None) -> FileContours:
+    """Return the contours of a program.
 
-    The first position that is given in full is where the tool is; the trajectory starts where
-    the first feed move (G1, G2, G3) does.
+    The first position that is given in full is where the tool is. A program that feeds before it
+    gives one starts at its zero.
 
     Parameters
     ----------
@@ -71,12 +108,22 @@ def gcode_trajectory(path: Path, text: str, unit: UnitName | None = None) -> Tra
         machine.run(line)
         if machine.ended:
             break
-    if not machine.elements:
+    feeds, notes = _cutting(machine)
+    if not feeds:
+        drilled = f"drills {count(len(machine.holes), 'hole')} and " if machine.holes else ""
         raise TrajectoryFileError(
-            path, "The program has no feed move in X or Y; give the trajectory by G1, G2 and G3."
+            path,
+            f"The program {drilled}has no feed move in X or Y; give the trajectory by G1, G2 and "
+            "G3.",
         )
-    trajectory = TrajectoryPath.ended(machine.start, machine.elements, machine.places)
-    return replace(trajectory, unit_assumed=unit is None and not machine.unit_said)
+    contours = tuple(cut.path() for cut in find_contours(feeds))
+    return FileContours(
+        path,
+        contours,
+        (*machine.list_notes(), *notes),
+        tuple(machine.holes),
+        unit is None and not machine.unit_said,
+    )
 
 
 class _Machine:
@@ -86,50 +133,90 @@ class _Machine:
         self.path = path
         self.place = ""
         self.ended = False
-        self.start: Point2 = (0.0, 0.0)
-        self.elements: list[Element] = []
-        self.places: list[str] = []
+        self.feeds: list[Feed] = []
+        self.has_plunged: list[bool] = []
+        self.is_on: list[bool] = []
+        self.rapid_heights_m: list[float] = []
+        self.holes: list[Point2] = []
         self.unit_said = False
         self._unit_m = UNITS_M[unit or DEFAULT_UNIT]
         self._absolute = True
+        self._absolute_centres = False
+        self._plane = "17"
         self._motion: str | None = None
+        self._cycle = False
+        self._origin = "54"
+        self._origin_moved = ""
+        # Coordinates of the program, and what G92 adds to them.
         self._at: dict[str, float] = {}
+        self._shift: dict[str, float] = {}
+        self._lost = ""
+        self._entered_by_feed = False
+        self._spindle = self._speed = True
+        self._idle: dict[str, None] = {}
+        self._repeated = 0
+        self._upright = 0
+        self._compensated = ""
+        self._assumed_start = ""
 
     def run(self, line: str) -> None:
         """Execute one line."""
         words, gs, ms = self._words(line)
-        placed = any(letter in words for letter in _PLACING)
-        for g in gs:
-            if g in ("20", "21"):
-                self._unit_m = UNITS_M["in" if g == "20" else "mm"]
-                self.unit_said = True
-            elif g in ("90", "91"):
-                self._absolute = g == "90"
-            elif g in _OF_THE_MACHINE and "Z" in words and not placed:
-                continue
-            elif g not in _MOTIONS and g not in _HARMLESS_G:
-                self._refuse(
-                    f"G{g} is not read here, for it may lead the tool elsewhere; write the "
-                    "trajectory by G0, G1, G2, G3 with G17, G20 or G21, G90 or G91."
-                )
-        motions = [g for g in gs if g in _MOTIONS]
-        if len(motions) > 1:
-            self._refuse(f"G{motions[0]} and G{motions[1]} in one line; write two lines.")
-        self._motion = motions[0] if motions else self._motion
-        for m in ms:
-            if m not in _HARMLESS_M and m not in _END_M:
-                self._refuse(f"M{m} is not read here; leave it out.")
-        if placed:
+        self._set_modes(words, gs)
+        self._set_tool(words, ms)
+        if "10" in gs or "92" in gs or not _OF_THE_MACHINE.isdisjoint(gs):
+            self._move_origin(words, gs)
+        elif any(g in ("52",) for g in gs):
+            if any(words.get(letter) for letter in "XYZ"):
+                self._refuse("G52 moves the origin; give the coordinates without it.")
+        elif self._cycle and (any(g in _CYCLES for g in gs) or "X" in words or "Y" in words):
+            self._drill(words)
+        elif any(letter in words for letter in "XYZIJR") and not self._cycle:
             if "4" in gs:
                 self._refuse("G4 with a position; give a dwell as P, in a line of its own.")
             self._move(words)
         self.ended = not _END_M.isdisjoint(ms)
 
+    def list_notes(self) -> list[str]:
+        """Return everything that was assumed or passed over, a clause each."""
+        notes = []
+        if self._assumed_start:
+            notes.append(f"{self._assumed_start}: the start is taken to be X0 Y0")
+        if self._repeated:
+            notes.append(merged_note(self._repeated))
+        if self.holes:
+            shown = ", ".join(
+                f"({x * 1e3:.4g}, {y * 1e3:.4g})" for x, y in self.holes[:_MOST_NAMED]
+            )
+            more = ", ..." if len(self.holes) > _MOST_NAMED else ""
+            notes.append(f"{count(len(self.holes), 'hole')} drilled at {shown}{more} mm")
+        if self._compensated:
+            notes.append(
+                f"{self._compensated}: the path is the edge as programmed; the tool's centre runs "
+                "beside it by its radius, which the program does not give"
+            )
+        if self._upright:
+            notes.append(f"upright arcs (G18, G19) read as lines in plan: {self._upright}")
+        if self._idle:
+            names = list(self._idle)
+            more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+            notes.append(f"passed over: {', '.join(names[:_MOST_NAMED])}{more}")
+        return notes
+
     def _words(self, line: str) -> tuple[dict[str, float], list[str], list[str]]:
         """Return the values of a line's words, and its G and M codes."""
         code = _BLANK.sub("", line).upper()
-        if code.startswith("%"):
+        if code.startswith(("%", "$")):
             code = ""
+        if code.startswith("/"):
+            code = code.lstrip("/0123456789") if code[1:2].isdigit() else code.lstrip("/")
+            self._idle[one_line(f"/{code}", 12)] = None
+        code = _MESSAGE.sub("", code)
+        if "#" in code or "[" in code or _FLOW.match(code):
+            self._refuse(
+                f"{one_line(code, 20)!r} is computed by the controller; write the moves out, as "
+                "CAM does without macros."
+            )
         words: dict[str, float] = {}
         codes: dict[str, list[str]] = {"G": [], "M": []}
         position = 0
@@ -144,77 +231,266 @@ class _Machine:
             position = match.end()
             if letter in codes:
                 codes[letter].append(f"{float(number):g}")
-            elif letter not in _PLACING and letter not in _HARMLESS_WORDS:
-                self._refuse(f"The word {match[0]} is not read here; leave it out.")
-            elif letter in words:
+                continue
+            if letter in _TURNING_AXES:
+                if float(number) != 0:
+                    self._refuse(
+                        f"The word {match[0]} moves another axis; only X, Y and Z are followed."
+                    )
+                self._idle[match[0]] = None
+            if letter in words and letter in "XYZIJKR":
                 self._refuse(f"{letter} twice in one line; write two lines.")
-            else:
-                words[letter] = float(number)
+            words[letter] = float(number)
         return words, codes["G"], codes["M"]
+
+    def _set_modes(self, words: Mapping[str, float], gs: Sequence[str]) -> None:
+        motions = [g for g in gs if g in _MOTIONS]
+        if len(motions) > 1:
+            self._refuse(f"G{motions[0]} and G{motions[1]} in one line; write two lines.")
+        for g in gs:
+            if g in ("20", "21"):
+                self._unit_m = UNITS_M["in" if g == "20" else "mm"]
+                self.unit_said = True
+            elif g in ("90", "91"):
+                self._absolute = g == "90"
+            elif g in ("90.1", "91.1"):
+                self._absolute_centres = g == "90.1"
+            elif g in ("17", "18", "19"):
+                self._plane = g
+            elif g in _ORIGINS:
+                if g != self._origin and self.feeds:
+                    self._origin_moved = f"G{g} in {self.place}"
+                self._origin = g
+            elif g in _COMPENSATION:
+                radius = f" D{words['D']:g}" if "D" in words else ""
+                self._compensated = self._compensated or f"{self.place}: G{g}{radius}"
+            elif g in _CYCLES:
+                self._cycle = True
+            elif g == "5.1" and "I" not in words and "J" not in words:
+                self._idle[f"G5.1 Q{words['Q']:g}" if "Q" in words else "G5.1"] = None
+            elif g in _IDLE_G:
+                self._idle[f"G{g}"] = None
+            elif g == "92.1":
+                self._move_origin({}, gs)
+            elif g not in (*_MOTIONS, *_USUAL_G, *_OF_THE_MACHINE, "10", "52", "92"):
+                self._refuse(
+                    f"G{g} is not read here, for it may lead the tool elsewhere; write the "
+                    "trajectory by G0, G1, G2, G3 with G17, G20 or G21, G90 or G91."
+                )
+        if motions or "80" in gs:
+            self._cycle = False
+        self._motion = motions[0] if motions else self._motion
+
+    def _set_tool(self, words: Mapping[str, float], ms: Sequence[str]) -> None:
+        for m in ms:
+            if m in _ELSEWHERE_M:
+                self._refuse(f"M{m} is not read here; leave it out.")
+            if m in ("3", "4", "5"):
+                self._spindle = m != "5"
+            if m not in _USUAL_M and m not in _END_M:
+                self._idle[f"M{m}"] = None
+        if "S" in words:
+            self._speed = words["S"] > 0
+
+    def _move_origin(self, words: Mapping[str, float], gs: Sequence[str]) -> None:
+        """Follow G92, and note where coordinates no longer tell the place."""
+        axes = [letter for letter in "XYZ" if letter in words]
+        if "92.1" in gs:
+            self._at = {
+                letter: value + self._shift.get(letter, 0.0) for letter, value in self._at.items()
+            }
+            self._shift = {}
+        elif "92" in gs:
+            for letter in axes:
+                value = words[letter] * self._unit_m
+                if letter in self._at:
+                    there = self._at[letter] + self._shift.get(letter, 0.0)
+                    self._shift[letter] = there - value
+                self._at[letter] = value
+        elif "10" in gs:
+            self._idle["G10"] = None
+            if self.feeds:
+                self._origin_moved = f"G10 in {self.place}"
+        else:
+            code = next(g for g in gs if g in _OF_THE_MACHINE)
+            if code == "53" and axes and self._motion not in (None, "0") and axes != ["Z"]:
+                self._refuse("A feed move in the machine's coordinates (G53); use the part's.")
+            for letter in axes or ("XYZ" if code != "53" else ""):
+                self._at.pop(letter, None)
+                if letter != "Z":
+                    self._lost = f"G{code} in {self.place}"
+            self._entered_by_feed = False
+
+    def _drill(self, words: Mapping[str, float]) -> None:
+        repeats = words.get("L", words.get("K", 1.0)) if not self._absolute else 1.0
+        if not 0 <= repeats <= _MOST_TURNS:
+            self._refuse(f"A cycle repeated {repeats:g} times; at most {_MOST_TURNS:,} are read.")
+        for _ in range(int(repeats)):
+            self._at = self._target({k: v for k, v in words.items() if k in "XY"})
+            self._assume_start(self._at)
+            self.holes.append(self._planar(self._at))
+            if len(self.holes) > MOST_FEEDS:
+                self._refuse(f"More than {MOST_FEEDS:,} holes; split the program.")
+
+    def _target(self, words: Mapping[str, float]) -> dict[str, float]:
+        """Return the program's coordinates after a line."""
+        target = dict(self._at)
+        for letter in "XYZ":
+            if letter not in words:
+                continue
+            value = words[letter] * self._unit_m
+            if not self._absolute:
+                if letter not in self._at and self._lost and letter != "Z":
+                    self._refuse(f"G91 from an unknown position, after {self._lost}; use G90.")
+                value += self._at.get(letter, 0.0)
+                if letter not in self._at and letter != "Z":
+                    self._assumed_start = self._assumed_start or self.place
+            if not abs(value) <= MAX_COORDINATE_M:
+                self._refuse(f"{letter} is beyond {MAX_COORDINATE_M:g} m, which no bench is.")
+            target[letter] = value
+        return target
+
+    def _assume_start(self, at: dict[str, float]) -> None:
+        """Take coordinates that no line has given to be 0, unless the tool was sent elsewhere."""
+        for letter in "XY":
+            if letter not in at:
+                if self._lost:
+                    self._refuse(
+                        f"A feed move from an unknown position, after {self._lost}; first give "
+                        "both X and Y by G0."
+                    )
+                at[letter] = 0.0
+                self._assumed_start = self._assumed_start or self.place
+
+    def _planar(self, at: Mapping[str, float]) -> Point2:
+        x, y = (at[letter] + self._shift.get(letter, 0.0) for letter in "XY")
+        return x, y
+
+    def _height_m(self, at: Mapping[str, float]) -> float | None:
+        return at["Z"] + self._shift.get("Z", 0.0) if "Z" in at else None
 
     def _move(self, words: Mapping[str, float]) -> None:
         if self._motion is None:
+            if all(letter not in words for letter in _PLACING):
+                return
             self._refuse("A position before any of G0, G1, G2, G3; give the motion first.")
         curved = self._motion in ("2", "3")
         if not curved and any(letter in words for letter in "IJR"):
             self._refuse(f"I, J and R belong to an arc, but the motion is G{self._motion}.")
-        before = self._position()
-        target = dict(self._at)
-        for letter in "XY":
-            if letter in words:
-                value = words[letter] * self._unit_m
-                if not self._absolute:
-                    if letter not in self._at:
-                        self._refuse("G91 before a first position; give that one in G90.")
-                    value += self._at[letter]
-                if not abs(value) <= MAX_COORDINATE_M:
-                    self._refuse(f"{letter} is beyond {MAX_COORDINATE_M:g} m, which no bench is.")
-                target[letter] = value
+        before, target = dict(self._at), self._target(words)
+        old_m, new_m = self._height_m(before), self._height_m(target)
+        if "Z" in words:
+            down = old_m is not None and new_m is not None and new_m < old_m
+            self._entered_by_feed = down and self._motion != "0"
         self._at = target
-        after = self._position()
-        if before is None or after is None:
-            if curved or (self._motion == "1" and after is None):
-                self._refuse("A feed move from an unknown position; first give both X and Y by G0.")
+        if not curved and not ("X" in words or "Y" in words):
             return
         if self._motion == "0":
+            self._travel(before, target)
             return
-        moved = math.dist(before, after) > SAME_POINT_M
-        if not curved:
-            # A plunge names the position it is at; a line of no length is left to be reported.
-            if moved or "Z" not in words:
-                self._feed(before, [Line(after)])
-        else:
-            centre = self._centre(before, after, words)
-            self._feed(before, _arcs(before, after, centre, clockwise=self._motion == "2"))
+        if not ("X" in before or "Y" in before) and "X" in target and "Y" in target and not curved:
+            # The first position in full, given by a feed move: the tool is led there.
+            if self._lost:
+                self._lost = ""
+            return
+        self._assume_start(before)
+        for letter in "XY":
+            target.setdefault(letter, before[letter])
+        self._feed(before, target, words, curved=curved)
 
-    def _position(self) -> Point2 | None:
-        return (self._at["X"], self._at["Y"]) if len(self._at) == 2 else None
+    def _travel(self, before: Mapping[str, float], target: Mapping[str, float]) -> None:
+        if all(letter in before and letter in target for letter in "XY"):
+            moved = math.dist(self._planar(before), self._planar(target)) > JOIN_M
+            heights = [self._height_m(at) for at in (before, target)]
+            if moved and None not in heights:
+                self.rapid_heights_m.append(min(h for h in heights if h is not None))
 
-    def _feed(self, start: Point2, elements: list[Element]) -> None:
-        if not self.elements:
-            self.start = start
-        elif math.dist(self.elements[-1].end, start) > JOIN_M:
+    def _feed(
+        self,
+        before: Mapping[str, float],
+        target: Mapping[str, float],
+        words: Mapping[str, float],
+        *,
+        curved: bool,
+    ) -> None:
+        """Add a feed move in plan."""
+        if self._origin_moved:
             self._refuse(
-                f"A second trajectory starts here, at {shown(start)}; the first ended in "
-                f"{self.places[-1]}. Keep one in a file."
+                f"{self._origin_moved} has moved the origin; keep one origin in a program."
             )
-        self.elements += elements
-        self.places += [self.place] * len(elements)
+        start, end = self._planar(before), self._planar(target)
+        elements: list[Line | Arc] = [Line(end)]
+        if curved and self._plane != "17":
+            self._upright += 1
+        elif curved:
+            if words.get("K"):
+                self._refuse(f"The word K{words['K']:g} belongs to no arc in the XY plane (G17).")
+            centre = self._centre(start, end, words)
+            turns = int(words.get("P", 1.0))
+            if not 1 <= turns <= _MOST_TURNS:
+                self._refuse(f"An arc of {turns} turns; give 1 to {_MOST_TURNS:,}.")
+            clockwise = self._motion == "2"
+            around = math.dist(start, end) > SAME_POINT_M
+            elements = []
+            for _ in range(turns - 1):
+                elements += _arcs(start, start, centre, clockwise=clockwise)
+            elements += (
+                _arcs(start, end, centre, clockwise=clockwise) if around or turns >= 1 else []
+            )
+        heights = self._height_m(before), self._height_m(target)
+        self._add(start, elements, heights, plunge="Z" in words)
+
+    def _add(
+        self,
+        start: Point2,
+        elements: Sequence[Line | Arc],
+        heights: tuple[float | None, float | None],
+        *,
+        plunge: bool,
+    ) -> None:
+        # Lines continue from the last end, so that merged points leave no gap.
+        if self.feeds and math.dist(self.feeds[-1].end, start) <= SAME_POINT_M:
+            start = self.feeds[-1].end
+        for number, element in enumerate(elements):
+            if math.dist(start, element.end) <= SAME_POINT_M:
+                self._repeated += not plunge
+                continue
+            low, high = (
+                None
+                if heights[0] is None or heights[1] is None
+                else heights[0] + (heights[1] - heights[0]) * (number + step) / len(elements)
+                for step in (0, 1)
+            )
+            self.feeds.append(Feed(start, element, self.place, (low, high)))
+            self.has_plunged.append(self._entered_by_feed)
+            self.is_on.append(self._spindle and self._speed)
+            start = element.end
+        if len(self.feeds) > MOST_FEEDS:
+            self._refuse(f"More than {MOST_FEEDS:,} feed moves; split the program.")
 
     def _centre(self, start: Point2, end: Point2, words: Mapping[str, float]) -> Point2:
         """Return the centre of an arc, by I and J or by R."""
         if "R" not in words:
             if "I" not in words and "J" not in words:
                 self._refuse("An arc without a centre; give it as I and J, or a radius as R.")
-            x = start[0] + words.get("I", 0.0) * self._unit_m
-            y = start[1] + words.get("J", 0.0) * self._unit_m
+            if self._absolute_centres:
+                if "I" not in words or "J" not in words:
+                    self._refuse("An arc with G90.1 needs both I and J.")
+                x, y = (
+                    words[letter] * self._unit_m + self._shift.get(axis, 0.0)
+                    for letter, axis in (("I", "X"), ("J", "Y"))
+                )
+            else:
+                x = start[0] + words.get("I", 0.0) * self._unit_m
+                y = start[1] + words.get("J", 0.0) * self._unit_m
             radii = math.dist((x, y), start), math.dist((x, y), end)
             if not SAME_POINT_M < radii[0] <= MAX_COORDINATE_M:
                 self._refuse(f"An arc of radius {radii[0]:g} m; give its centre as I and J.")
             if abs(radii[0] - radii[1]) > max(JOIN_M, 1e-3 * radii[0]):
+                origin = "the program's zero (G90.1)" if self._absolute_centres else "the start"
                 self._refuse(
                     f"The arc's centre is {radii[0]:.9g} m from its start but {radii[1]:.9g} m "
-                    "from its end; mend I and J, which count from the start."
+                    f"from its end; mend I and J, which count from {origin}."
                 )
             return (x, y)
         if "I" in words or "J" in words:
@@ -238,7 +514,7 @@ class _Machine:
         raise TrajectoryFileError(self.path, message, self.place)
 
 
-def _arcs(start: Point2, end: Point2, centre: Point2, *, clockwise: bool) -> list[Element]:
+def _arcs(start: Point2, end: Point2, centre: Point2, *, clockwise: bool) -> list[Line | Arc]:
     """Return an arc about a centre; a full circle, which ends where it starts, as two halves."""
     first = math.atan2(start[1] - centre[1], start[0] - centre[0])
     last = math.atan2(end[1] - centre[1], end[0] - centre[0])
@@ -256,3 +532,50 @@ def _arcs(start: Point2, end: Point2, centre: Point2, *, clockwise: bool) -> lis
         ]
     sweep = -((first - last) % math.tau) if clockwise else (last - first) % math.tau
     return [arc_or_line(start, end, at(first + sweep / 2))]
+
+
+def _cutting(machine: _Machine) -> tuple[list[Feed], list[str]]:
+    """Return the feed moves that cut, and notes about the others."""
+    feeds, notes = machine.feeds, list[str]()
+    lows = [feed.lowest_m for feed in feeds]
+    known = [low for low in lows if low is not None]
+    levels = {round(low / JOIN_M) for low in known}
+    if len(levels) <= 1:
+        if any(machine.is_on) and not all(machine.is_on):
+            cuts = [feed for feed, on in zip(feeds, machine.is_on, strict=True) if on]
+            off_m = sum(f.length_m for f in feeds) - sum(f.length_m for f in cuts)
+            notes.append(f"left out: {millimetres(off_m)} mm fed with the tool off (M5 or S0)")
+            return cuts, notes
+        return feeds, notes
+    lowest_m = min(known)
+    clearance_m = min(
+        (height for height in machine.rapid_heights_m if height > lowest_m + JOIN_M),
+        default=math.inf,
+    )
+
+    def is_in_air(low_m: float | None, plunged: bool) -> bool:
+        if low_m is None:
+            return True
+        if low_m <= lowest_m + JOIN_M or plunged:
+            return False
+        return low_m > JOIN_M >= lowest_m or low_m >= clearance_m - JOIN_M
+
+    in_air = list(map(is_in_air, lows, machine.has_plunged))
+    cuts = [feed for feed, air in zip(feeds, in_air, strict=True) if not air]
+    air = [feed for feed, air in zip(feeds, in_air, strict=True) if air]
+    if air:
+        heights = sorted({feed.lowest_m for feed in air if feed.lowest_m is not None})
+        cut_heights = sorted(
+            {round(feed.lowest_m, 6) for feed in cuts if feed.lowest_m is not None}
+        )
+        at = f" at Z {_range(heights)}" if heights else " before the first Z"
+        notes.append(
+            f"left out: {millimetres(sum(feed.length_m for feed in air))} mm fed above the cut,"
+            f"{at} mm; the cut is at Z {_range(cut_heights)} mm"
+        )
+    return cuts, notes
+
+
+def _range(heights: Sequence[float]) -> str:
+    low, high = millimetres(heights[0]), millimetres(heights[-1])
+    return low if low == high else f"{low} to {high}"

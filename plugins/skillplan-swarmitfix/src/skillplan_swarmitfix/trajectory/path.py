@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -11,6 +12,7 @@ from skillplan_swarmitfix.trajectory.path_elements import (
     Element,
     Spline,
     ending_at,
+    measure_m,
     points_of,
 )
 from skillplan_swarmitfix.trajectory.plane_point import Point2
@@ -58,6 +60,12 @@ class TrajectoryPath:
         Origin of the start in the file; empty if it belongs to the first element.
     unit_assumed
         True if the file has no unit, so that millimetres were assumed.
+    layer
+        Layer of a drawing.
+    notes
+        Everything that was assumed or left out, a clause each.
+    holes
+        Centres of drilled holes, which do not belong to the path [m].
 
     Raises
     ------
@@ -71,12 +79,21 @@ class TrajectoryPath:
     places: tuple[str, ...]
     start_place: str = ""
     unit_assumed: bool = False
+    layer: str = ""
+    notes: tuple[str, ...] = ()
+    holes: tuple[Point2, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.elements:
             raise ValueError("A trajectory needs an element.")
         if len(self.places) != len(self.elements):
             raise ValueError(f"{len(self.places)} places for {len(self.elements)} elements.")
+
+    @cached_property
+    def length_m(self) -> float:
+        """Length of all elements, of arcs that of the arcs themselves [m]."""
+        starts = [self.start, *(element.end for element in self.elements)]
+        return math.fsum(map(measure_m, starts, self.elements))
 
     @property
     def extent_m(self) -> Point2:
@@ -110,6 +127,22 @@ class TrajectoryPath:
             case ("start",):
                 return self.start_place or self.places[0]
         return ""
+
+
+def millimetres(length_m: float) -> str:
+    """Return a length [m] in millimetres as messages show it: ``31.416``."""
+    return f"{length_m * 1e3:.3f}".replace("-0.000", "0.000")
+
+
+def count(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 point``, ``3 points``."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def merged_note(number: int) -> str:
+    """Return the note about points that repeat the one before."""
+    verb = "repeats the one before is" if number == 1 else "repeat the one before are"
+    return f"{count(number, 'point')} that {verb} merged"
 
 
 def one_line(foreign: str, most: int = 100) -> str:

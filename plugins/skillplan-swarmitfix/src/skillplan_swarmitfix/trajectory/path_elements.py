@@ -305,6 +305,36 @@ def sampling_error_m(start: Point2, element: Element, chord_tolerance_m: float) 
     return 0.0
 
 
+def measure_m(start: Point2, element: Element) -> float:
+    """Return the length of an element, of an arc that of the arc itself [m].
+
+    A spline is integrated span by span (Gauss-Legendre, relative error below 1e-9 unless a span
+    has a cusp).
+
+    Raises
+    ------
+    ValueError
+        As `sample`, but coordinates are not checked.
+    """
+    match element:
+        case Arc():
+            circle = circle_of(start, element)
+            return circle.radius_m * abs(circle.sweep_rad)
+        case Spline():
+            return math.fsum(map(_measure_span_m, _spans(start, element)))
+    return math.dist(start, element.end)
+
+
+def find_point(start: Point2, element: Line | Arc, share: float) -> Point2:
+    """Return the point at a share in [0, 1] of the length of a line or an arc [m]."""
+    if isinstance(element, Arc):
+        return circle_of(start, element).at(share)
+    return (
+        start[0] + share * (element.end[0] - start[0]),
+        start[1] + share * (element.end[1] - start[1]),
+    )
+
+
 def refuse_tolerance(chord_tolerance_m: float) -> None:
     """Raise a ValueError if curves cannot be sampled to a chord tolerance [m]."""
     if not MIN_CHORD_TOLERANCE_M <= chord_tolerance_m < math.inf:
@@ -373,6 +403,34 @@ def _spans(start: Point2, spline: Spline) -> list[BezierSpan]:
         _refuse_equal(point, other)
     closed = len(points) > 3 and math.dist(start, spline.end) <= SAME_POINT_M
     return bezier_spans(points, closed=closed)
+
+
+# Nodes and weights of Gauss-Legendre quadrature of order 5 on [-1, 1].
+_GAUSS = (
+    (0.0, 128 / 225),
+    *(
+        (
+            sign * math.sqrt(5 + root * 2 * math.sqrt(10 / 7)) / 3,
+            (322 - root * 13 * math.sqrt(70)) / 900,
+        )
+        for root in (-1, 1)
+        for sign in (-1, 1)
+    ),
+)
+_PARTS_OF_A_SPAN = 8
+
+
+def _measure_span_m(span: BezierSpan) -> float:
+    (ax, ay), (bx, by), (cx, cy), (dx, dy) = span
+    total = 0.0
+    for part in range(_PARTS_OF_A_SPAN):
+        for node, weight in _GAUSS:
+            t = (part + (1 + node) / 2) / _PARTS_OF_A_SPAN
+            u = 1 - t
+            x = u * u * (bx - ax) + 2 * u * t * (cx - bx) + t * t * (dx - cx)
+            y = u * u * (by - ay) + 2 * u * t * (cy - by) + t * t * (dy - cy)
+            total += weight * math.hypot(x, y)
+    return 3 * total / (2 * _PARTS_OF_A_SPAN)
 
 
 def _arc_chords(circle: ArcCircle, tolerance_m: float) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from skillplan_swarmitfix.trajectory.contours import FileContours
 from skillplan_swarmitfix.trajectory.path import TrajectoryPath
 from skillplan_swarmitfix.trajectory.path_elements import Arc, Element, Line, Spline
 from skillplan_swarmitfix.trajectory.plane_point import Point2
@@ -13,8 +14,8 @@ from skillplan_swarmitfix.trajectory.plane_point import Point2
 _QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
-def placed(path: TrajectoryPath, offset_m: Point2, rotate_deg: float) -> TrajectoryPath:
-    """Return a trajectory turned anticlockwise about the origin [deg] and then moved [m]."""
+def placed(contours: FileContours, offset_m: Point2, rotate_deg: float) -> FileContours:
+    """Return contours turned anticlockwise about the origin [deg] and then moved [m]."""
     cosine, sine = _turn(rotate_deg)
 
     def on_bench(point: Point2) -> Point2:
@@ -33,11 +34,14 @@ def placed(path: TrajectoryPath, offset_m: Point2, rotate_deg: float) -> Traject
             case Spline():
                 return Spline(tuple(on_bench(point) for point in element.through))
 
-    return replace(
-        path,
-        start=on_bench(path.start),
-        elements=tuple(element_on_bench(element) for element in path.elements),
-    )
+    def path_on_bench(path: TrajectoryPath) -> TrajectoryPath:
+        return replace(
+            path,
+            start=on_bench(path.start),
+            elements=tuple(element_on_bench(element) for element in path.elements),
+        )
+
+    return contours.moved(path_on_bench, on_bench)
 
 
 def _turn(angle_deg: float) -> tuple[float, float]:

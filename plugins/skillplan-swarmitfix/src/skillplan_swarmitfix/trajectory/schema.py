@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     Field,
@@ -17,6 +17,7 @@ from pydantic import (
 from skillplan.domains.domain import Strict
 from skillplan.files.schema_errors import Located, continue_sentence, list_schema_issues
 from skillplan_swarmitfix.trajectory.path import TrajectoryPath, one_line
+from skillplan_swarmitfix.trajectory.plane_point import Point2
 from skillplan_swarmitfix.trajectory.units import UnitName
 
 Coordinate = Annotated[float, Field(ge=-1000, le=1000)]
@@ -52,11 +53,32 @@ class PathElementConfig(Strict):
         return self
 
 
+class NearConfig(Strict):
+    """A contour of a file by a point near it."""
+
+    at_m: Planar = Field(description="point on the bench to which the contour is nearest, x y [m]")
+
+
 class DrawingConfig(Strict):
-    """Unit and placement of a file's drawing on the bench.
+    """Unit and placement of a file's drawing on the bench, and which of its contours is meant.
 
     It is in the coordinates that are read from the file, and so not in the task's hash again.
     """
+
+    contour: Literal["outer"] | Annotated[int, Field(ge=1, le=1_000_000)] | NearConfig | None = (
+        Field(
+            None,
+            description="contour of the file that is the trajectory: outer, the one that encloses "
+            "all others; its number; or at_m: [x, y], the nearest one to a point; left out: the "
+            "only one, or outer if all are on one layer",
+            exclude=True,
+        )
+    )
+    layer: Annotated[str, Field(min_length=1, max_length=255)] | None = Field(
+        None,
+        description="layer of a drawing that holds the trajectory; left out: all that are on",
+        exclude=True,
+    )
 
     unit: UnitName | None = Field(
         None,
@@ -149,6 +171,16 @@ class TrajectoryConfig(DrawingConfig):
         return in_file(self.file, self._read.place_of(path), message)
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Everything that was assumed or left out of the file, a clause each."""
+        return self._read.notes if self._read else ()
+
+    @property
+    def holes(self) -> tuple[Point2, ...]:
+        """Centres of the holes that the file drills [m]."""
+        return self._read.holes if self._read else ()
+
+    @property
     def guessed_unit_extent_m(self) -> float | None:
         """The longer side of a file's drawing [m] if its unit is unknown; None otherwise."""
         return max(self._read.extent_m) if self._read and self._read.unit_assumed else None
@@ -174,14 +206,18 @@ def in_file(name: str, place: str, message: str) -> str:
 
 
 def _trajectory_in(folder: Path, name: str, drawing: DrawingConfig) -> TrajectoryPath:
-    from skillplan_swarmitfix.trajectory.files import TrajectoryFileError, read_trajectory
+    from skillplan_swarmitfix.trajectory.files import TrajectoryFileError, read_contours
     from skillplan_swarmitfix.trajectory.placement import placed
 
     if not name.strip():
         raise Located(f"must name a DXF, CSV or G-code file, not {name!r}.", "file")
+    x_m, y_m = drawing.offset_m
+    choice = drawing.contour
     try:
-        read = read_trajectory(folder / name, drawing.unit)
+        contours = read_contours(folder / name, drawing.unit, layer=drawing.layer)
+        on_bench = placed(contours, (x_m, y_m), drawing.rotate_deg)
+        if isinstance(choice, NearConfig):
+            return on_bench.choose((choice.at_m[0], choice.at_m[1]))
+        return on_bench.choose(choice)
     except TrajectoryFileError as error:
         raise Located(in_file(name, error.place, error.message), "file") from None
-    x_m, y_m = drawing.offset_m
-    return placed(read, (x_m, y_m), drawing.rotate_deg)

@@ -2,7 +2,9 @@
 
 It runs once for each trajectory and finds the segments, the vertices with their angles and types,
 and how many there are of each (Veeramani and Muthuswamy 2022, Sec. 4.1.1). An element of the
-trajectory is a segment, curved or straight; where two of them meet is a vertex.
+trajectory is a segment, curved or straight; where two of them meet is a vertex. If heads are
+planned, elements that meet nearly in line are one segment: an arc needs as many heads as the lines
+that a program writes instead of it.
 """
 
 from __future__ import annotations
@@ -18,8 +20,13 @@ from typing import Self
 
 from skillplan.errors import Issue
 from skillplan_swarmitfix.trajectory.faults import faults, joined
-from skillplan_swarmitfix.trajectory.path_elements import Element, end_directions, sample
-from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.path_elements import (
+    Element,
+    end_directions,
+    measure_m,
+    sample,
+)
+from skillplan_swarmitfix.trajectory.plane_point import SAME_POINT_M, Point2
 
 __all__ = [
     "ANGLE_TOLERANCE_RAD",
@@ -33,6 +40,9 @@ __all__ = [
 
 ANGLE_TOLERANCE_RAD = math.radians(0.1)
 """Angles as near as this to a straight or a right one count as such [rad]."""
+
+CORNER_RAD = math.radians(20)
+"""A joint of two elements that turns by more is a corner [rad]."""
 
 
 class VertexKind(StrEnum):
@@ -111,6 +121,10 @@ class Segment:
         trajectory comes last.
     points
         Its start and its end; on a curve also the sampled points between them [m].
+    curve_m
+        Length of the curve that the chords stand for [m]; None for that of the chords.
+    is_resampled
+        True if its headings must not depend on how it was written.
 
     Raises
     ------
@@ -120,6 +134,8 @@ class Segment:
 
     index: int
     points: tuple[Point2, ...]
+    curve_m: float | None = None
+    is_resampled: bool = False
     _travelled: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -142,13 +158,32 @@ class Segment:
 
     @property
     def is_curved(self) -> bool:
-        """Return whether it is an arc or a spline."""
+        """Return whether it bends."""
         return len(self.points) > 2
 
     @property
     def length_m(self) -> float:
-        """Its length along its chords [m]."""
+        """Its length along its chords, by which points on it are given [m]."""
         return self._travelled[-1]
+
+    @property
+    def true_length_m(self) -> float:
+        """Length of the curve itself [m]."""
+        return self.length_m if self.curve_m is None else self.curve_m
+
+    def halves(self) -> tuple[Segment, Segment]:
+        """Return the two halves of its length; the second one has the next index."""
+        middle_m = self.length_m / 2
+        chord = bisect.bisect_left(self._travelled, middle_m - 1e-9 * self.length_m)
+        rest = self.points[chord:]
+        middle = self.point_at(middle_m)
+        if self._travelled[chord] - middle_m <= 1e-9 * self.length_m:
+            middle, rest = self.points[chord], self.points[chord + 1 :]
+        half_m = self.true_length_m / 2
+        return (
+            Segment(self.index, (*self.points[:chord], middle), half_m, self.is_resampled),
+            Segment(self.index + 1, (middle, *rest), half_m, self.is_resampled),
+        )
 
     def point_at(self, distance_m: float) -> Point2:
         """Return the point a distance in [0, `length_m`] from the start along the chords [m].
@@ -170,6 +205,27 @@ class Segment:
         At a joint of two chords the next one counts. Raises like `point_at`.
         """
         _, (ax, ay), (bx, by) = self._chord(distance_m)
+        return math.atan2(by - ay, bx - ax)
+
+    def heading_at(self, distance_m: float, window_m: float) -> float:
+        """Return the direction of travel for a head at a distance, in (-pi, pi] [rad].
+
+        On a resampled curve it is that of the secant over a window, which does not depend on the
+        chords; otherwise it is `direction_at`. The window ends at the ends of the segment, and is
+        as long on either side unless the distance is that of an end. Raises like `point_at`.
+        """
+        if not (self.is_resampled and self.is_curved):
+            return self.direction_at(distance_m)
+        before_m = min(distance_m, window_m / 2)
+        after_m = min(self.length_m - distance_m, window_m / 2)
+        if min(before_m, after_m) > 1e-9:
+            before_m = after_m = min(before_m, after_m)
+        (ax, ay), (bx, by) = (
+            self.point_at(distance_m - before_m),
+            self.point_at(distance_m + after_m),
+        )
+        if math.dist((ax, ay), (bx, by)) <= SAME_POINT_M:
+            return self.direction_at(distance_m)
         return math.atan2(by - ay, bx - ax)
 
     def _chord(self, distance_m: float) -> tuple[int, Point2, Point2]:
@@ -226,7 +282,13 @@ class Workpiece:
 
     @classmethod
     def from_elements(
-        cls, start: Point2, elements: Sequence[Element], *, closed: bool, chord_tolerance_m: float
+        cls,
+        start: Point2,
+        elements: Sequence[Element],
+        *,
+        closed: bool,
+        chord_tolerance_m: float,
+        corner_rad: float | None = None,
     ) -> Self:
         """Split a trajectory at the joints of its elements.
 
@@ -240,6 +302,10 @@ class Workpiece:
             True if a line leads back to the start, unless the last element does already.
         chord_tolerance_m
             Greatest distance between a curve and the chords that stand for it, >= 1e-7 [m].
+        corner_rad
+            Joints that turn by no more than this are no vertices, apart from the start [rad]. A
+            closed trajectory has another vertex in its middle if it has none else. None: every
+            joint is a vertex.
 
         Raises
         ------
@@ -252,31 +318,39 @@ class Workpiece:
             raise ValueError("\n".join(map(str, issues)))
         whole = joined(start, elements, closed=closed)
         starts = [start, *(element.end for element in whole)]
-        segments = tuple(
-            Segment(i, (begin, *sample(begin, element, chord_tolerance_m)))
+        parts = [
+            Segment(
+                i,
+                (begin, *sample(begin, element, chord_tolerance_m)),
+                measure_m(begin, element),
+            )
             for i, (begin, element) in enumerate(zip(starts, whole, strict=False))
-        )
-        clockwise = _signed_area(segments) < 0 if closed else None
+        ]
         tangents = [end_directions(*pair) for pair in zip(starts, whole, strict=False)]
-        vertices = []
-        for i, segment in enumerate(segments):
-            if i == 0 and not closed:
-                vertices.append(Vertex(segment.start, math.pi, VertexKind.END))
-                continue
-            before = segments[i - 1]
+        turns = []
+        for i, part in enumerate(parts):
+            before = parts[i - 1]
             turn = _turn(tangents[i - 1][1], tangents[i][0])
             if math.pi - abs(turn) <= 1e-6:
                 # The tangents at the tip of a cusp do not determine the inside.
-                turn = _turn(before.direction_at(before.length_m), segment.direction_at(0.0))
-            vertices.append(_vertex(segment.start, turn, clockwise))
+                turn = _turn(before.direction_at(before.length_m), part.direction_at(0.0))
+            turns.append(turn)
+        clockwise = _signed_area(parts) < 0 if closed else None
+        segments, turns = _fused(parts, turns, corner_rad, closed=closed)
+        vertices = [
+            Vertex(segment.start, math.pi, VertexKind.END)
+            if i == 0 and not closed
+            else _vertex(segment.start, turns[i], clockwise)
+            for i, segment in enumerate(segments)
+        ]
         if not closed:
             vertices.append(Vertex(segments[-1].end, math.pi, VertexKind.END))
-        return cls(closed, tuple(vertices), segments, clockwise)
+        return cls(closed, tuple(vertices), tuple(segments), clockwise)
 
     @property
     def length_m(self) -> float:
-        """Length of the whole trajectory along its chords [m]."""
-        return math.fsum(segment.length_m for segment in self.segments)
+        """Length of the whole trajectory, of curves that of the curves themselves [m]."""
+        return math.fsum(segment.true_length_m for segment in self.segments)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -289,6 +363,25 @@ class Workpiece:
         """Number of vertices of each kind, without absent kinds."""
         counts = Counter(vertex.kind for vertex in self.vertices)
         return {kind: counts[kind] for kind in VertexKind if counts[kind]}
+
+
+def _fused(
+    parts: Sequence[Segment], turns: Sequence[float], corner_rad: float | None, *, closed: bool
+) -> tuple[list[Segment], list[float]]:
+    """Return segments from corner to corner, and the turn at the start of each."""
+    if corner_rad is None:
+        return list(parts), list(turns)
+    begins = [i for i, turn in enumerate(turns) if i == 0 or abs(turn) > corner_rad]
+    segments = []
+    for index, (begin, end) in enumerate(itertools.pairwise([*begins, len(parts)])):
+        run = parts[begin:end]
+        points = [run[0].start, *itertools.chain.from_iterable(part.points[1:] for part in run)]
+        length_m = math.fsum(part.true_length_m for part in run)
+        segments.append(Segment(index, tuple(points), length_m, is_resampled=True))
+    heads = [turns[i] for i in begins]
+    if closed and len(segments) == 1:
+        return list(segments[0].halves()), [heads[0], 0.0]
+    return segments, heads
 
 
 def _vertex(position: Point2, turn_rad: float, clockwise: bool | None) -> Vertex:
