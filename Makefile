@@ -154,7 +154,7 @@ clean:  ## all that these targets make
 	$(PIP) --editable '.[test]' --editable plugins/skillplan-template \
 	  --editable plugins/skillplan-ortools --editable plugins/skillplan-ray \
 	  --editable plugins/skillplan-ros2 --editable plugins/skillplan-cad \
-	  --editable plugins/skillplan-optuna --editable 'plugins/skillplan-torch[rl]'
+	  --editable plugins/skillplan-optuna --editable 'plugins/skillplan-torch[rl,onnx]'
 	touch $@
 
 .venv/.check: .venv/.core

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from run_folders import OPTIMAL, SWITCHED, write_runs
 from skillplan.judge import PlannerAnswer, fast_downward
 
 PLAN = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
@@ -119,3 +120,22 @@ def test_a_file_may_hold_the_list_that_sequence_takes(cli, board, tmp_path):
         outcome = cli("evaluate", board, "--sequence", f"@{tmp_path / 'list'}", "--format", "json")
         assert outcome.document["feasible"], text
         assert outcome.document["complete"] == (steps == 15)
+
+
+def test_a_policy_is_exported_from_its_folder_of_runs_only(cli, board, tmp_path):
+    """As ONNX; what else is given gets one message that says what to give."""
+    pytest.importorskip("onnx")
+    runs = str(write_runs(tmp_path / "runs", board, [SWITCHED, OPTIMAL]))
+    out = tmp_path / "policy.onnx"
+    outcome = cli("export", runs, "--to", "onnx", "--out", str(out))
+    assert 0 == outcome.code
+    assert "policy of run 1 of look-up" in outcome.err
+    assert out.read_bytes()
+    for words, message in (
+        ((board, "--to", "onnx"), "onnx exports a policy: give a folder of train"),
+        ((runs, "--to", "csv"), "--to onnx exports a policy"),
+        ((runs, "--to", "onnx", "-O", "onnx.run=2"), "runs with a policy are 0, 1"),
+    ):
+        refused = cli("export", *words, "--out", str(tmp_path / "other"))
+        assert 2 == refused.code
+        assert message in refused.err

@@ -5,6 +5,7 @@ from .behaviour_tree import unescape_text as unescape_text
 from .exporter import Exporter as Exporter
 from .exporter import Handover as Handover
 from .exporter import Identifiers as Identifiers
+from .exporter import TrainedPolicy as TrainedPolicy
 from .exporter import quote as quote
 from .pddl.action_costs import NoActionCosts as NoActionCosts
 from .pddl.action_costs import choose_scale as choose_scale
@@ -34,6 +35,7 @@ __all__ = [
     "PddlExporter",
     "PlanningTask",
     "StructuredTextExporter",
+    "TrainedPolicy",
     "choose_scale",
     "escape_text",
     "quote",

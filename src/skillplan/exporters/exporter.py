@@ -9,9 +9,9 @@ import json
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import BaseModel
 
@@ -54,6 +54,42 @@ class PlannedSkill:
 
 
 @dataclass(frozen=True)
+class TrainedPolicy:
+    """A policy of a training.
+
+    Parameters
+    ----------
+    weights, biases
+        Arrays of every layer, float32, of shape (inputs, outputs) and (outputs,). Outputs of a
+        layer are rectified before the next.
+    features, actions
+        Name of every input, and skill of every output.
+    observation, mask
+        Kind of its observation, and restriction of its choice.
+    solver, task
+        Name of its learner, and of the task that it learned.
+    step
+        Environment step at which it was kept.
+    cost
+        Cost of its episode then; None if no policy of its run completed the task.
+    own_rule
+        How it drew its actions at the end of the training, such as ``temperature 1``.
+    """
+
+    weights: tuple[Any, ...]
+    biases: tuple[Any, ...]
+    features: tuple[str, ...]
+    actions: tuple[str, ...]
+    observation: str
+    mask: str
+    solver: str
+    task: str
+    step: int
+    cost: float | None
+    own_rule: str
+
+
+@dataclass(frozen=True)
 class Handover:
     """A task and a plan to be exported.
 
@@ -63,11 +99,14 @@ class Handover:
         Replayed, feasible and complete; None to export the task only.
     charted
         True if detectors use the hand-made chart only.
+    policies
+        Policies of a training by the number of their run; empty for a task or a plan.
     """
 
     model: SkillModel
     plan: Replay | None = None
     charted: bool = False
+    policies: Mapping[int, TrainedPolicy] = field(default_factory=dict)
 
     @property
     def task(self) -> Task:
@@ -130,12 +169,15 @@ class Exporter(ABC):
         Suffix of a single file, such as ``.csv``; empty for a folder of files.
     needs_plan
         True if a task without a plan cannot be exported.
+    needs_policies
+        True if it exports policies of a training, and no tasks and plans.
     """
 
     name: ClassVar[str]
     Options: ClassVar[type[BaseModel]] = back_end.Options
     suffix: ClassVar[str] = ""
     needs_plan: ClassVar[bool] = True
+    needs_policies: ClassVar[bool] = False
 
     def __init__(self, options: BaseModel | None = None) -> None:
         self.options = self.Options() if options is None else options

@@ -6,6 +6,7 @@ from .comparison import compare_solvers as compare_solvers
 from .comparison import rows_side_by_side as rows_side_by_side
 from .comparison import solve_all as solve_all
 from .comparison import solve_chain_with_all as solve_chain_with_all
+from .exchange import describe_policy as describe_policy
 from .exchange import export_files as export_files
 from .exchange import list_notes as list_notes
 from .exchange import make_exporter as make_exporter
@@ -39,6 +40,7 @@ __all__ = [
     "choose_variants",
     "compare_solvers",
     "describe",
+    "describe_policy",
     "export_files",
     "find_arm_meshes",
     "grade",

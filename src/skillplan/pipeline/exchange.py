@@ -6,11 +6,12 @@ import os
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import PurePath
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
-from skillplan.exporters.exporter import Exporter, Handover
+from skillplan.exporters.exporter import Exporter, Handover, TrainedPolicy
 from skillplan.exporters.pddl.exporter import ActionNames
 from skillplan.exporters.plan_files import read_plan
 from skillplan.model.replay import Replay
@@ -19,6 +20,7 @@ from skillplan.pipeline import registry
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
 from skillplan.plugins.blame import blame
 from skillplan.records.stored.result_file import read_start_plan
+from skillplan.records.training.network_policy_file import StoredNetwork
 from skillplan.solvers.solution import Plan
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -42,7 +44,12 @@ def make_exporter(name: str, options: Mapping[str, Any]) -> Exporter:
     return exporter
 
 
-def make_handover(model: SkillModel, setup: Setup, plan: Replay | None) -> Handover:
+def make_handover(
+    model: SkillModel,
+    setup: Setup,
+    plan: Replay | None,
+    policies: Mapping[int, TrainedPolicy] = MappingProxyType({}),
+) -> Handover:
     """Return the input of an exporter.
 
     Parameters
@@ -53,8 +60,28 @@ def make_handover(model: SkillModel, setup: Setup, plan: Replay | None) -> Hando
         Back ends that the model queries.
     plan
         A plan replayed on the model; None for the task alone.
+    policies
+        Policies of a training by the number of their run.
     """
-    return Handover(model, plan, is_charted(model, setup))
+    return Handover(model, plan, is_charted(model, setup), policies)
+
+
+def describe_policy(stored: StoredNetwork) -> TrainedPolicy:
+    """Return a stored policy as exporters take it."""
+    content = stored.content
+    return TrainedPolicy(
+        stored.network.weights,
+        stored.network.biases,
+        tuple(content.features),
+        tuple(content.actions),
+        content.observation,
+        content.mask,
+        content.solver,
+        content.task.name,
+        content.step,
+        content.cost,
+        stored.own_rule.words,
+    )
 
 
 def is_charted(model: SkillModel, setup: Setup) -> bool:
@@ -69,11 +96,16 @@ def export_files(exporter: Exporter, handover: Handover) -> Mapping[str, str | b
     Raises
     ------
     OptionError
-        If the exporter refuses, or needs a plan and has none.
+        If the exporter refuses, or needs a plan or a policy and has none.
     PluginError
         If it fails.
     """
     plugin = type(exporter)
+    if exporter.needs_policies and not handover.policies:
+        raise OptionError(
+            f"{exporter.name} exports a policy: give a folder of train that has one in the place "
+            "of TASK."
+        )
     if exporter.needs_plan and handover.plan is None:
         raise OptionError(
             f"{exporter.name} hands over a plan: give a RESULT in the place of TASK, or --sequence."

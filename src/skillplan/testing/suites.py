@@ -199,6 +199,10 @@ class ExporterSuite:
         model = make_model(lid_task(), _BY_CHART)
         with closing(model.feasibility):
             handover = make_handover(model, _BY_CHART, None)
+            if self.make().needs_policies:
+                with pytest.raises(OptionError, match="exports a policy: give a folder of train"):
+                    export_files(self.make(), handover)
+                return
             if not self.make().needs_plan:
                 assert export_files(self.make(), handover)
                 return

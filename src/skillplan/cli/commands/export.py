@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,10 +11,18 @@ import typer
 
 from skillplan.cli.load import load_file, load_result, make_setup, open_cache
 from skillplan.cli.options.completion import plugin_names, task_files
-from skillplan.cli.options.shared import OUTPUT, RESULT_HELP, TASK, BackEnds, Checking, PartReading
+from skillplan.cli.options.shared import (
+    OUTPUT,
+    RESULT_HELP,
+    TASK,
+    BackEnds,
+    Checking,
+    PartReading,
+    Reading,
+)
 
 if TYPE_CHECKING:  # --help pays for no imports
-    from skillplan.exporters.exporter import Exporter
+    from skillplan.exporters.exporter import Exporter, TrainedPolicy
     from skillplan.pipeline.setup import Setup
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
@@ -25,9 +34,9 @@ def command(
     task: Annotated[
         str,
         typer.Argument(
-            metavar="TASK|RESULT",
+            metavar="TASK|RESULT|RUN",
             autocompletion=task_files,
-            help=f"A task file; or {RESULT_HELP}.",
+            help=f"A task file; {RESULT_HELP}; or a folder of train, for the formats of policies.",
             show_default=False,
         ),
     ],
@@ -74,7 +83,7 @@ def command(
         ),
     ] = False,
 ) -> int:
-    """Export a task, or a plan of it, to the formats of other tools.
+    """Export a task, a plan of it, or a trained policy to the formats of other tools.
 
     The plan of RESULT or --sequence is replayed first, and exported only if it reaches the goal. A
     task that a format cannot express is refused with the reason. Options of the format and of back
@@ -91,7 +100,8 @@ def command(
     from skillplan.pipeline.exchange import export_files, list_notes, make_exporter, make_handover
     from skillplan.pipeline.solving import make_model
 
-    loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
+    source = _read(task, sequence, to, back_ends, reading, checking)
+    loaded, setup, skills = source.task, source.setup, source.skills
     exporter = make_exporter(to, setup.options.get(to, {}))
     path = check_output_file("--out", out) if exporter.suffix else check_output_folder("--out", out)
     with show_checks("exporting") as on_check:
@@ -109,9 +119,9 @@ def command(
                 )
                 tell(f"skillplan: error: the plan does not hold: {where}: {violation.reason}")
                 return exit_code(solved=False)
-            handover = make_handover(model, setup, plan)
+            handover = make_handover(model, setup, plan, source.policies)
             files = export_files(exporter, handover)
-            notes = [*list_notes(exporter, handover), *([_FAMILY] if family else [])]
+            notes = [*list_notes(exporter, handover), *([_FAMILY] if source.family else [])]
             if plan is not None:
                 back_ends_of = model.feasibility.back_ends
                 notes += [f"not checked: {entry}" for entry in list_not_checked(back_ends_of)]
@@ -124,6 +134,17 @@ def command(
     return exit_code()
 
 
+@dataclass(frozen=True)
+class _Source:
+    """A task with its back ends, its plan or policies if any, and whether it has a family."""
+
+    task: Task
+    setup: Setup
+    skills: tuple[Skill, ...] | None = None
+    family: bool = False
+    policies: Mapping[int, TrainedPolicy] = field(default_factory=dict)
+
+
 def _read(
     path: str,
     sequence: str | None,
@@ -131,17 +152,25 @@ def _read(
     back_ends: BackEnds,
     reading: PartReading,
     checking: Checking,
-) -> tuple[Task, Setup, tuple[Skill, ...] | None, bool]:
-    """Return the task, its setup, its plan if any, and whether the file describes a family."""
+) -> _Source:
+    """Return what is to be exported."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
-    from skillplan.records.stored.result_folder import find_run_folder, is_result
+    from skillplan.records.stored.result_folder import find_run_folder, is_relational, is_result
 
-    registry.load("exporter", to)
+    exporter = registry.load("exporter", to)
+    if is_relational(path):
+        raise OptionError(
+            f"{path}: holds a relational policy. skillplan computes its inputs, so that it acts "
+            f"here only: 'skillplan search-optimal TASK --solver relational -O run={path}'."
+        )
     if find_run_folder(path) is not None:
+        if exporter.needs_policies:
+            return _read_policies(path, to, back_ends, checking)
         raise OptionError(
             f"{path}: holds training runs. Their policies choose by state, which is no plan: "
-            "give a result of search-optimal, or the task file with --sequence."
+            "give a result of search-optimal, or the task file with --sequence; --to onnx exports "
+            "a policy."
         )
     if is_result(path):
         if sequence is not None:
@@ -150,16 +179,32 @@ def _read(
         task, plan = loaded.planned()
         skills = tuple(task.skill(name) for name in plan)
         family = loaded.problem.domain.has_family(loaded.problem.config)
-        return task, loaded.setup, skills, family
+        return _Source(task, loaded.setup, skills, family)
     problem = load_file(path, reading, back_ends)
     task = problem.part(reading.part)
     setup = make_setup(back_ends, task, (to,), executor=checking.executor)
     if sequence is None:
-        return task, setup, None, problem.domain.has_family(problem.config)
+        return _Source(task, setup, None, problem.domain.has_family(problem.config))
     from skillplan.pipeline.exchange import read_given_plan
 
     given = read_given_plan(sequence, task)
-    return task, setup, given, problem.domain.has_family(problem.config)
+    return _Source(task, setup, given, problem.domain.has_family(problem.config))
+
+
+def _read_policies(path: str, to: str, back_ends: BackEnds, checking: Checking) -> _Source:
+    """Return the policies of a training and its task, as it was learned."""
+    from skillplan.pipeline.exchange import describe_policy
+    from skillplan.records.training.run_folder import RunFolder
+
+    folder = RunFolder(path)
+    learned = folder.manifest.task
+    changes = [f"{key}={value}" for key, value in learned.changes.items()]
+    problem = load_file(str(folder.checked_copy()), Reading(changes), back_ends, warn=False)
+    task = problem.part(learned.part)
+    setup = make_setup(back_ends, task, (to,), executor=checking.executor)
+    stored = {run.run: run.policy for run in folder.runs() if run.policy is not None}
+    policies = {run: describe_policy(policy) for run, policy in stored.items()}
+    return _Source(task, setup, policies=policies)
 
 
 def _write(exporter: Exporter, path: Path, files: Mapping[str, str | bytes]) -> None:
