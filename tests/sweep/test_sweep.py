@@ -284,6 +284,18 @@ class TestIntervals:
         assert Estimate(5.5) == mean([3.0, 8.0])
         assert mean([3.0, 8.0, 5.0]).low is not None
 
+    def test_runs_of_a_deterministic_solver_are_no_samples(self, walk):
+        """Their shares and means have no interval, their times have."""
+        plan, job = plan_study(walk, "value-iteration", starts=["C20"], runs=3)
+        result = SweepResult(plan, [do_run(job, 0, {}, seed) for seed in plan.seeds])
+        summary = result.summary([0])
+        assert (Estimate(1.0), Estimate(0.0)) == (summary.arrived_share, summary.excess)
+        assert summary.learning_s.low is not None
+        table = tabulate_settings(result)
+        shown = "\n".join([*map(" ".join, table.rows), *table.notes])
+        assert "deterministic" in shown
+        assert "value-iteration does not depend on the seed" in shown
+
     def test_what_makes_no_sense_is_refused(self):
         with pytest.raises(ValueError, match="makes no sense"):
             share(2, 1)

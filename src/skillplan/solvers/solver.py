@@ -38,6 +38,8 @@ class Solver(ABC):
     polls
         True if it polls its stop. Under a limit of time or memory a solver that does not is run in
         a process of its own, which can be ended.
+    seeded
+        True if its solution depends on the seed. Runs of a solver without are no samples.
     jobs
         Number of processes it may use, >= 1. More processes must not give a worse answer.
     make_executor
@@ -48,6 +50,7 @@ class Solver(ABC):
     Options: ClassVar[type[BaseModel]] = back_end.Options
     stage: ClassVar[str | None] = None
     polls: ClassVar[bool] = False
+    seeded: ClassVar[bool] = True
     jobs: int = 1
     make_executor: MakeExecutor | None = None
 

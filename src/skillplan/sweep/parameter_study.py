@@ -176,6 +176,7 @@ def _plan_common(
         "fixed": fixed,
         "starts": tuple(Start(start, job.optimum(start)) for start in job.tasks),
         "warm": warm,
+        "seeded": registry.load("solver", solver).seeded,
     }
 
 

@@ -90,6 +90,8 @@ class SweepPlan:
         One run per setting and seed; distinct, at least one.
     warm
         True to use verdicts stored on disk.
+    seeded
+        True if the solver depends on the seed; otherwise its runs are no samples.
 
     Raises
     ------
@@ -114,6 +116,7 @@ class SweepPlan:
     starts: tuple[Start, ...]
     seeds: tuple[int, ...]
     warm: bool = False
+    seeded: bool = True
 
     def __post_init__(self) -> None:
         if self.design not in DESIGNS:
@@ -186,6 +189,7 @@ class SweepPlan:
             "fixed": {plugin: dict(values) for plugin, values in self.fixed.items()},
             "starts": [{"start": start.name, "optimum": start.optimum} for start in self.starts],
             "seeds": list(self.seeds),
+            "seeded": self.seeded,
         }
 
 

@@ -276,18 +276,24 @@ class SweepResult:
         if all(optima[name] is not None for name in starts):
             above = [[_above(outcome, optima[outcome.start]) for outcome in run] for run in arrived]
             best = sum(all(cost == 0.0 for cost in costs) for costs in above)
-            excess = mean([sum(costs) for costs in above])
+            excess = self._over_runs(mean([sum(costs) for costs in above]))
         return StartSummary(
             start,
             len(runs),
             len(arrived),
-            share(len(arrived), len(runs)),
+            self._over_runs(share(len(arrived), len(runs))),
             best,
-            None if best is None else share(best, len(runs)),
-            mean([float(sum(outcome.steps or 0 for outcome in run)) for run in arrived]),
+            None if best is None else self._over_runs(share(best, len(runs))),
+            self._over_runs(
+                mean([float(sum(outcome.steps or 0 for outcome in run)) for run in arrived])
+            ),
             excess,
             mean([self._learning_s(run) for run in runs]),
         )
+
+    def _over_runs(self, estimate: Estimate | None) -> Estimate | None:
+        """Return an estimate over the runs, without its interval if they are no samples."""
+        return estimate if estimate is None or self.plan.seeded else estimate.bare
 
     def _learning_s(self, run: Sequence[StartOutcome]) -> float:
         times_s = [outcome.learning_s for outcome in run]

@@ -29,6 +29,7 @@ class JobValuesSolver(Solver):
 
     name = "job-values"
     polls = True
+    seeded = False
 
     class Options(back_end.Options):
         """Limits."""

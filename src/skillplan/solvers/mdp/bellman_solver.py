@@ -179,6 +179,7 @@ class Optimum:
 class BellmanSolver(TabularSolver):
     """Solves Bellman's equations and claims the optimum that they prove."""
 
+    seeded = False
     Options = BellmanOptions
     options: BellmanOptions
 

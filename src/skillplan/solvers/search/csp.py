@@ -52,6 +52,7 @@ class CspSolver(Solver):
 
     name = "csp"
     polls = True
+    seeded = False
     stage: ClassVar[str | None] = "goals"
 
     class Options(back_end.Options):

@@ -103,6 +103,7 @@ class ExactSolver(Solver):
 
     name = "exact"
     polls = True
+    seeded = False
 
     class Options(back_end.Options):
         """Limits of the search."""

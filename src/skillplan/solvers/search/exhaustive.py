@@ -21,6 +21,7 @@ class ExhaustiveSolver(Solver):
 
     name = "exhaustive"
     polls = True
+    seeded = False
 
     def refuses(self, model: SkillModel) -> str | None:
         """Return the reason if a skill may have several outcomes, or None."""

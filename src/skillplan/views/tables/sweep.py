@@ -53,10 +53,10 @@ def tabulate_settings(result: SweepResult) -> Table:
                 str(every.runs),
                 *(_format_steps(result.summary([index], name)) for name in starts),
                 str(every.arrived),
-                _format_percent(every.arrived_share),
+                _format_percent(every.arrived_share, seeded=plan.seeded),
                 "-" if every.best is None else str(every.best),
-                _format_percent(every.best_share),
-                _format_plus_minus(every.excess, decimals, every.arrived),
+                _format_percent(every.best_share, seeded=plan.seeded),
+                _format_plus_minus(every.excess, decimals, every.arrived if plan.seeded else 1),
                 _format_plus_minus(every.learning_s, 3, every.runs),
             ]
         )
@@ -127,6 +127,8 @@ def _write_notes(result: SweepResult) -> list[str]:
         "intervals  95 %: Wilson for shares, Student's t for means of 3 runs or more; of fewer the "
         "table gives their number n",
     ]
+    if not plan.seeded:
+        notes[-1] = f"intervals  of times only: {plan.solver} does not depend on the seed"
     if plan.design == ONE_AT_A_TIME and plan.axes:
         notes.append(f"centre     {format_setting(plan.centre)}")
     if isinstance(plan, SampledPlan):
@@ -176,7 +178,9 @@ def _format_steps(summary: StartSummary) -> str:
     return f"{text} ({summary.arrived}/{summary.runs})"
 
 
-def _format_percent(estimate: Estimate | None) -> str:
+def _format_percent(estimate: Estimate | None, *, seeded: bool) -> str:
+    if estimate is not None and not seeded:
+        return "deterministic"
     if estimate is None or estimate.low is None or estimate.high is None:
         return "-"
     return f"{100 * estimate.low:.0f} to {100 * estimate.high:.0f} %"
