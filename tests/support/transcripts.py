@@ -150,30 +150,32 @@ def run(words):
     assert words[0] == "skillplan", words
     from skillplan.cli import main
 
-    with _captured() as stream, contextlib.suppress(SystemExit):
+    with captured() as stream, contextlib.suppress(SystemExit):
         main(words[1:])
     # As on the machine of a reader, who has not set the variable.
-    return _text(stream).replace(os.environ.get("SKILLPLAN_CACHE_DIR", "\0"), "~/.cache/skillplan")
+    return read_text(stream).replace(
+        os.environ.get("SKILLPLAN_CACHE_DIR", "\0"), "~/.cache/skillplan"
+    )
 
 
 def executed(script, namespace):
     """Return what a Python script prints."""
-    with _captured() as stream, warnings.catch_warnings():
+    with captured() as stream, warnings.catch_warnings():
         warnings.simplefilter("error")
         # Of moviepy, when it is first compiled.
         warnings.filterwarnings("ignore", "invalid escape sequence")
         exec(compile(script, "page", "exec"), namespace)
-    return _text(stream)
+    return read_text(stream)
 
 
 @contextlib.contextmanager
-def _captured():
+def captured():
     stream = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
     with contextlib.redirect_stdout(stream), contextlib.redirect_stderr(stream):
         yield stream
 
 
-def _text(stream):
+def read_text(stream):
     stream.flush()
     return stream.buffer.getvalue().decode("utf-8")
 
