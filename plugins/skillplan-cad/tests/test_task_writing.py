@@ -99,7 +99,8 @@ def test_written_meshes_enclose_what_the_parts_do(eight, written, tmp_path):
             loaded = trimesh.load(path, force="mesh")
             assert loaded.is_watertight
             volume += loaded.volume
-        assert volume == pytest.approx(part.volume_m3, rel=1e-3)
+        # Volumes are exact, and chords cut off up to a hundredth of a round part.
+        assert volume == pytest.approx(part.volume_m3, rel=1e-2)
 
 
 def test_pieces_are_few_and_block_what_the_true_meshes_do(written):

@@ -21,7 +21,7 @@ HARMLESS = {
         "pyyaml",
     ),
     *("rich", "safetensors", "typer"),
-    *("cascadio", "embreex", "ezdxf", "optuna", "rosbags"),
+    *("OCP", "embreex", "ezdxf", "optuna", "rosbags"),
 }
 
 

@@ -27,8 +27,10 @@ from .planning.stability import Stability as Stability
 from .product import Face as Face
 from .product import Part as Part
 from .product import Product as Product
-from .reading.glb import read_parts as read_parts
 from .reading.mending import mend as mend
+from .reading.occt_reader import Instance as Instance
+from .reading.occt_reader import StepContent as StepContent
+from .reading.occt_reader import read_document as read_document
 from .reading.product_reader import ReadOptions as ReadOptions
 from .reading.product_reader import find_shapes as find_shapes
 from .reading.product_reader import read_product as read_product
@@ -61,6 +63,7 @@ __all__ = [
     "Contact",
     "Face",
     "Fastener",
+    "Instance",
     "Item",
     "Limits",
     "Part",
@@ -74,6 +77,7 @@ __all__ = [
     "Sensitive",
     "Sequencer",
     "Stability",
+    "StepContent",
     "add_groups",
     "assemble_relation",
     "assign_task_names",
@@ -99,8 +103,8 @@ __all__ = [
     "mend",
     "place_upright",
     "prepare",
+    "read_document",
     "read_in_process",
-    "read_parts",
     "read_product",
     "read_relation",
     "replay",

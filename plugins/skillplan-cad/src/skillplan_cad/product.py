@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Points = NDArray[np.float64]  # (n, 3)
 Triangles = NDArray[np.int64]  # (m, 3) indices of points
 Vector = tuple[float, float, float]
+Closure = Literal["closed", "mended", "surface"]
 FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "free"]
 
 
@@ -69,13 +70,19 @@ class Part:
     vertices_m, triangles
         Mesh in the product's frame: merged vertices, outward triangles.
     volume_m3
-        Volume of the mesh, > 0.
+        Volume, > 0: exact if CAD gives it, otherwise that of the mesh; of a surface, by its
+        thickness or its bounding box.
     shape
         Number of its shape; identical parts share it.
     mirrors
         Number of the shape it mirrors, or None.
     design
         Name of its design, such as ``socket screw M4x10``; empty if unknown.
+    closure
+        ``closed`` as drawn; ``mended`` with gaps or holes closed; ``surface`` for an open surface,
+        whose mesh is a thin sheet.
+    gap_m
+        Largest gap that was closed [m].
     """
 
     name: str
@@ -90,6 +97,8 @@ class Part:
     mirrors: int | None = None
     bodies: int = 1
     design: str = ""
+    closure: Closure = "closed"
+    gap_m: float = 0.0
 
     @property
     def mass_kg(self) -> float:
@@ -116,6 +125,8 @@ class Product:
         Greatest distance of triangles from the true surface; 0 if unknown.
     notes
         Assumptions and repairs of the reader, one sentence each.
+    warnings
+        Parts left out and doubts of the reader, one sentence each.
     """
 
     name: str
@@ -123,6 +134,7 @@ class Product:
     unit: str
     chord_m: float
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[Part]:
         return iter(self.parts)

@@ -1,6 +1,6 @@
 """Solids of which the fixtures consist, and how a product of them is written as STEP.
 
-Needs ``pip install "cadquery-ocp-novtk<8"``, for development only: no test imports it.
+Needs OCP, which skillplan-cad brings.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d, gp_Trsf, 
 from OCP.Interface import Interface_Static
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.STEPCAFControl import STEPCAFControl_Writer
+from OCP.STEPControl import STEPControl_StepModelType
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDataStd import TDataStd_Name
 from OCP.TDocStd import TDocStd_Document
@@ -149,8 +150,11 @@ def _label(tool, product, document):
     return assembly
 
 
-def write_step(product, path, unit="MM"):
-    """Write a product as a STEP file, in millimetres or in inches, with no date in it."""
+def write_step(product, path, unit="MM", parts=""):
+    """Write a product as a STEP file, in millimetres or in inches, with no date in it.
+
+    With a prefix in `parts`, each part is a file of its own beside it.
+    """
     document = TDocStd_Document(TCollection_ExtendedString("skillplan"))
     tool = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     _label(tool, product, {})
@@ -158,7 +162,11 @@ def write_step(product, path, unit="MM"):
     writer = STEPCAFControl_Writer()
     Interface_Static.SetCVal_s("write.step.unit", unit)
     Interface_Static.SetCVal_s("write.step.schema", "AP214IS")
-    writer.Transfer(document)
+    if parts:
+        mode = STEPControl_StepModelType.STEPControl_AsIs
+        writer.Transfer(document, mode, str(path.parent / parts))
+    else:
+        writer.Transfer(document)
     writer.Write(str(path))
     Interface_Static.SetCVal_s("write.step.unit", "MM")
     _without_origin(Path(path))

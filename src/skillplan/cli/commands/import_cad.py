@@ -104,6 +104,46 @@ def command(
             rich_help_panel=GEOMETRY,
         ),
     ] = False,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--leave-out",
+            metavar="PATTERN",
+            help="Leave out the parts whose name, or the last word of it, fits PATTERN, such as "
+            "'label*'. Repeatable.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="PATTERN",
+            help="Import only the parts whose name fits PATTERN. Repeatable.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    as_one: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--as-one",
+            metavar="PATTERN",
+            help="Import all parts whose name fits PATTERN as one part, such as a bought-in "
+            "cylinder with its rod. Repeatable.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    thickness: Annotated[
+        float | None,
+        typer.Option(
+            "--thickness",
+            parser=positive_number(),
+            metavar="MM",
+            help="Thickness of parts that are open surfaces. Without it they have the mass of "
+            "their bounding boxes and are no parts of the task.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
     density: Annotated[
         float | None,
         typer.Option(
@@ -196,6 +236,10 @@ def command(
             "directions": directions,
             "threads": threads,
             "split_bodies": split_bodies,
+            "thickness_mm": thickness,
+            "leave_out": leave_out,
+            "only": only,
+            "as_one": as_one,
             "density_kg_m3": density,
             "jobs": jobs,
             "keep": not no_cache,

@@ -33,7 +33,7 @@ from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.reading.mesh_folder import MOST_BYTES as MESH_BYTES
 from skillplan_cad.reading.mesh_folder import list_mesh_files
 from skillplan_cad.reading.product_reader import read_product
-from skillplan_cad.reading.step_file import MOST_BYTES as STEP_BYTES
+from skillplan_cad.reading.step_file import hash_step
 from skillplan_cad.relation import Blocking, Contact, Fastener, Relation, Sensitive
 
 # Distances beyond the first contact at which blocked pairs are tested, in insets; number of places
@@ -90,10 +90,13 @@ class Confirmation:
         directions
             Directions that entries refer to, each next to its opposite.
         """
+        # Shrinking turns thin sheets inside out.
+        sheets = {part.name for part in self._product if part.closure == "surface"}
         doubts: list[Doubt] = []
         blocked: set[tuple[str, str, int]] = set()
         for entry in entries:
-            if (entry.by, entry.part, entry.direction ^ 1) not in blocked:
+            is_tested = not sheets & {entry.part, entry.by}
+            if is_tested and (entry.by, entry.part, entry.direction ^ 1) not in blocked:
                 direction_vector = np.asarray(directions[entry.direction])
                 places = (entry.distance_m + share * self._inset_m for share in _BEYOND)
                 if not any(
@@ -103,6 +106,8 @@ class Confirmation:
                     doubts.append(Doubt(entry.part, entry.by, entry.direction, True))
             blocked.add((entry.part, entry.by, entry.direction))
         for part, by in touching:
+            if sheets & {part, by}:
+                continue
             for number, direction in enumerate(directions):
                 if (part, by, number) not in blocked and self._collides_on_way(part, by, direction):
                     doubts.append(Doubt(part, by, number, False))
@@ -209,6 +214,8 @@ def serialize_product(product: Product) -> bytes:
                 "mirrors": part.mirrors,
                 "bodies": part.bodies,
                 "design": part.design,
+                "closure": part.closure,
+                "gap_m": part.gap_m,
                 "faces": faces,
             }
         )
@@ -217,6 +224,7 @@ def serialize_product(product: Product) -> bytes:
         "unit": product.unit,
         "chord_m": product.chord_m,
         "notes": product.notes,
+        "warnings": product.warnings,
         "parts": parts,
     }
     tensors["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
@@ -252,11 +260,18 @@ def restore_product(content: bytes) -> Product:
             )
         )
     return Product(
-        about["name"], tuple(parts), about["unit"], about["chord_m"], tuple(about["notes"])
+        about["name"],
+        tuple(parts),
+        about["unit"],
+        about["chord_m"],
+        tuple(about["notes"]),
+        tuple(about["warnings"]),
     )
 
 
 _MOST_BYTES = 1 << 30
+# Raised whenever the same file is read as other parts.
+_FORMAT = 2
 _HASH_BYTES = 32
 
 
@@ -340,12 +355,12 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
         {
             "content": _hash_content(path),
             "name": path.resolve().name,
-            "unit": reading.unit,
-            "chord_m": reading.chord_m,
-            "split": reading.split_bodies,
-            "density": reading.density_kg_m3,
+            "format": _FORMAT,
+            **asdict(reading),
         },
-        lambda: serialize_product(read_product(path, reading)),
+        lambda: serialize_product(
+            read_product(path, reading, lambda text: tell(f"reading: {text}"))
+        ),
     )
     product = restore_product(content)
     _refuse_fine(path, product, tolerance_m)
@@ -407,20 +422,19 @@ def _refuse_fine(path: Path, product: Product, tolerance_m: float) -> None:
 
 
 def _hash_content(path: Path) -> str:
-    """Return a hash of a file, or of the meshes of a folder with their names.
+    """Return a hash of a file and its references, or of the meshes of a folder with their names.
 
     An unreadable file has an empty hash; reading it later reports the error.
     """
-    folder = is_folder(path)
-    files = list_mesh_files(path) if folder else [path]
+    if not is_folder(path):
+        return hash_step(path)
     digest = hashlib.sha256()
-    for file in files:
+    for file in list_mesh_files(path):
         try:
-            content = read_bytes(file, MESH_BYTES if folder else STEP_BYTES)
+            content = read_bytes(file, MESH_BYTES)
         except OSError:
             return ""
-        name = file.name.encode() + b"\0" if folder else b""
-        digest.update(name + hashlib.sha256(content).digest())
+        digest.update(file.name.encode() + b"\0" + hashlib.sha256(content).digest())
     return digest.hexdigest()
 
 

@@ -42,6 +42,7 @@ def build_report(
         "directions": settings.directions,
         "threads": settings.threads,
         "notes": list(product.notes),
+        "warnings": list(product.warnings),
         "parts": [
             {
                 "name": part.name,
@@ -53,6 +54,8 @@ def build_report(
                 "size_mm": [_mm(float(extent)) for extent in part.bounds_m[1] - part.bounds_m[0]],
                 "triangles": len(part.triangles),
                 "bodies": part.bodies,
+                "closure": part.closure,
+                "gap_mm": _mm(part.gap_m),
                 "free": [
                     list(relation.directions[number])
                     for number in range(len(relation.directions))
@@ -102,7 +105,7 @@ def list_untouched(relation: Relation) -> list[str]:
 def list_warnings(findings: Findings) -> list[str]:
     """Return the warnings about a product, one sentence each."""
     product, relation = findings.product, findings.relation
-    messages = []
+    messages = list(product.warnings)
     for interference in list_interferences(relation):
         at = ", ".join(f"{value * 1000:.4g}" for value in interference.overlap_point_m or ())
         why = (

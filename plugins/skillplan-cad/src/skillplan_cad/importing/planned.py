@@ -277,8 +277,15 @@ def plan_product(
     if plan.complete:
         document["attitude"] = build_attitude_document(bearing)
         warnings += list_attitude_warnings(product, relation, bearing, settings.up)
-        task = build_task(product, relation, plan, settings.robot, bearing)
-        document["left_out"] = dict(bearing.why_not if task is None else task.left_out)
+        sheets = {
+            part.name: "is an open surface; --thickness MM makes it a sheet"
+            for part in product
+            if part.closure == "surface" and settings.thickness_mm is None
+        }
+        task = build_task(product, relation, plan, settings.robot, bearing, sheets)
+        document["left_out"] = dict(
+            {**bearing.why_not, **sheets} if task is None else task.left_out
+        )
         warnings += [
             f"{name} is left out: it {words}." for name, words in document["left_out"].items()
         ]

@@ -35,6 +35,10 @@ class ImportSettings:
         Treatment of threads: screws turn out, block as drawn, or never block.
     split_bodies
         True to make each body a part.
+    thickness_mm
+        Thickness of open surfaces; None for the mass of their boxes.
+    leave_out, only, as_one
+        Patterns of part names: parts left out, the only ones read, and those joined to one.
     density_kg_m3
         Density of all parts, 1 to 30,000.
     keep
@@ -50,6 +54,10 @@ class ImportSettings:
     directions: Source = "cylinders"
     threads: Threads = "unscrew"
     split_bodies: bool = False
+    thickness_mm: float | None = None
+    leave_out: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    as_one: tuple[str, ...] = ()
     density_kg_m3: float = STEEL_KG_M3
     jobs: int = 1
     keep: bool = True
@@ -57,7 +65,11 @@ class ImportSettings:
     def __post_init__(self) -> None:
         if self.unit is not None:
             resolve_unit_m(self.unit)
-        for option, value in (("--tolerance", self.tolerance_mm), ("--chord", self.chord_mm)):
+        for option, value in (
+            ("--tolerance", self.tolerance_mm),
+            ("--chord", self.chord_mm),
+            ("--thickness", self.thickness_mm),
+        ):
             if value is not None and not _LEAST_MM <= value <= _MOST_MM:
                 raise OptionError(
                     f"{option} {value:g}: must be from {_LEAST_MM} to {_MOST_MM:g} mm."
@@ -77,7 +89,16 @@ class ImportSettings:
     def reading(self) -> ReadOptions:
         """Options of the reader."""
         chord = self.chord_mm if self.chord_mm is not None else self.tolerance_mm / 2
-        return ReadOptions(self.unit, chord / 1000, self.split_bodies, self.density_kg_m3)
+        return ReadOptions(
+            self.unit,
+            chord / 1000,
+            self.split_bodies,
+            self.density_kg_m3,
+            None if self.thickness_mm is None else self.thickness_mm / 1000,
+            self.leave_out,
+            self.only,
+            self.as_one,
+        )
 
 
 def parse_settings(given: dict[str, Any]) -> ImportSettings:
@@ -92,4 +113,9 @@ def parse_settings(given: dict[str, Any]) -> ImportSettings:
     for name in given:
         if name not in known:
             raise OptionError(f"import-cad has no option {name!r}. {name_hint(name, known)}")
-    return ImportSettings(**{name: value for name, value in given.items() if value is not None})
+    values: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in given.items()
+        if value is not None
+    }
+    return ImportSettings(**values)

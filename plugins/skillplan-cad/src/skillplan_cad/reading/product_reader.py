@@ -4,22 +4,37 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from skillplan.errors import OptionError
+from skillplan.errors import OptionError, name_hint
 from skillplan.files.regular_file import is_folder, is_regular
-from skillplan_cad.product import Part, Points, Product, Triangles
-from skillplan_cad.reading.mending import Mended, compute_centre_m, compute_volumes_m3, mend, split
+from skillplan_cad.product import Closure, Part, Points, Product, Triangles
+from skillplan_cad.reading.mending import (
+    compute_centre_m,
+    compute_volumes_m3,
+    join,
+    split,
+    thicken,
+)
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
 from skillplan_cad.reading.mesh_folder import UNITS_M, is_utf8, read_folder
-from skillplan_cad.reading.raw_part import RawPart, RawProduct, compute_area_vectors_m2
+from skillplan_cad.reading.raw_part import (
+    Measure,
+    Mended,
+    RawPart,
+    RawProduct,
+    compute_area_vectors_m2,
+)
 from skillplan_cad.reading.step_file import SUFFIXES as STEP
-from skillplan_cad.reading.step_file import is_step, read_step
+from skillplan_cad.reading.step_file import Report, is_step, read_step
 from skillplan_cad.reading.surface_fit import fit_faces, recognise_face
 
 # Largest number of corner pairs to try.
@@ -159,8 +174,15 @@ STEEL_KG_M3 = 7850.0
 MOST_EXTENT_M = 10_000.0
 # The smallest tolerance does not resolve thinner parts.
 LEAST_THICKNESS_M = 1e-6
-# Largest number of open parts in a message.
+# Largest number of parts in a message.
 _NAMED = 6
+# Largest thickness of a surface without a stated one [m].
+_SHEET_M = 2e-5
+# Largest number of parts tested for a common frame; smallest share of their pairs that overlap, and
+# smallest share of the smaller volume of such a pair.
+_FRAME_SAMPLE, _FRAME_SHARE, _DEEP = 10, 0.6, 0.1
+# Sizes at which the unit of meshes is in doubt [m].
+_LEAST_PART_M, _LEAST_PRODUCT_M, _MOST_PART_M = 1e-3, 1e-2, 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,65 +194,381 @@ class ReadOptions:
     unit
         Unit of meshes; None for STEP, which states its own.
     chord_m
-        Greatest distance of triangles from curved faces of STEP [m].
+        Greatest distance of triangles from curved faces of STEP, and largest gap to close [m].
     split_bodies
         True to make each body a part.
+    thickness_m
+        Thickness of open surfaces, for their mass [m]; None for the mass of their boxes.
+    leave_out, only
+        Patterns of the names of parts that are left out, or of the only ones that are read.
+    as_one
+        Patterns; the parts of each become one part.
     """
 
     unit: str | None = None
     chord_m: float = 5e-5
     split_bodies: bool = False
     density_kg_m3: float = STEEL_KG_M3
+    thickness_m: float | None = None
+    leave_out: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    as_one: tuple[str, ...] = ()
 
 
-def read_product(path: Path, options: ReadOptions) -> Product:
+def read_product(path: Path, options: ReadOptions, report: Report | None = None) -> Product:
     """Read the product of a STEP file or a folder of meshes.
+
+    Parameters
+    ----------
+    report
+        Called with progress.
 
     Raises
     ------
     OptionError
-        If it is unreadable, a part is not watertight, or it has fewer than two parts.
+        If it is unreadable, or fewer than two parts are left.
     """
-    raw = _read_raw(path, options)
+    raw = _read_raw(path, options, report)
     _refuse_far(path, raw)
-    repaired = [mend(part) for part in raw.parts]
-    _refuse_open(path, repaired)
-    _refuse_thin(path, [mesh.part for mesh in repaired])
-    notes = [*raw.notes, *(note for mesh in repaired for note in mesh.notes)]
-    parts: list[RawPart] = []
-    bodies: list[int] = []
-    for mesh in repaired:
-        count = int(mesh.bodies.max()) + 1
+    notes, warnings = [*raw.notes], [*raw.warnings]
+    parts, split_notes = _split_bodies(raw.parts, options)
+    parts = _rename(parts)
+    parts, left_out = _select_parts(path, parts, options)
+    repeated = sorted(_list_repeated(parts))
+    parts, joined = _join_parts(path, parts, options)
+    notes += (note for mesh in parts for note in mesh.notes)
+    notes += [*split_notes, *left_out, *joined]
+    parts, sheets = _thicken_surfaces(parts, options)
+    warnings += sheets
+    parts, thin = _leave_out_thin(parts)
+    warnings += thin
+    _refuse_single(path, parts, warnings)
+    shapes, mirrors = find_shapes([mesh.part for mesh in parts], raw.chord_m)
+    twice = _find_doubles(parts, shapes, raw.chord_m)
+    warnings += twice.values()
+    kept = [number for number in range(len(parts)) if number not in twice]
+    parts, shapes = [parts[number] for number in kept], shapes[kept]
+    _refuse_single(path, parts, warnings)
+    _refuse_own_frames(path, parts)
+    if raw.chord_m == 0:
+        warnings += _question_unit(parts, raw.unit)
+    notes.append(
+        f"masses are those of a density of {options.density_kg_m3:g} kg/m3"
+        + (", steel" if options.density_kg_m3 == STEEL_KG_M3 else "")
+    )
+    if repeated:
+        shown = ", ".join(repeated[:_NAMED]) + (" and others" if len(repeated) > _NAMED else "")
+        notes.append(f"names that repeat are numbered: {shown}")
+    return Product(
+        raw.name,
+        tuple(
+            _build_part(mesh, int(shape), mirrors.get(int(shape)), options)
+            for mesh, shape in zip(parts, shapes, strict=True)
+        ),
+        raw.unit,
+        raw.chord_m,
+        tuple(dict.fromkeys(notes)),
+        tuple(dict.fromkeys(warnings)),
+    )
+
+
+def _split_bodies(meshes: Sequence[Mended], options: ReadOptions) -> tuple[list[Mended], list[str]]:
+    """Return the parts, with bodies as parts if requested, and notes."""
+    parts: list[Mended] = []
+    notes = []
+    for mesh in meshes:
+        count = int(mesh.bodies.max(initial=0)) + 1
         if count > 1 and options.split_bodies:
-            parts += split(mesh)
-            bodies += [1] * count
+            bodies = split(mesh)
+            bodies[0] = replace(bodies[0], notes=mesh.notes)
+            parts += bodies
             notes.append(f"{mesh.part.name}: its {count} bodies are parts of their own")
             continue
         if count > 1:
             notes.append(
                 f"{mesh.part.name}: is one part of {count} bodies; --split-bodies makes each a part"
             )
-        parts.append(mesh.part)
-        bodies.append(count)
-    _refuse_single(path, parts, bodies)
-    notes.append(
-        f"masses are those of a density of {options.density_kg_m3:g} kg/m3"
-        + (", steel" if options.density_kg_m3 == STEEL_KG_M3 else "")
+        parts.append(mesh)
+    return parts, notes
+
+
+def _rename(meshes: Sequence[Mended]) -> list[Mended]:
+    """Return parts with unique names below the root, in their paths."""
+    names = _assign_names([mesh.part for mesh in meshes])
+    return [
+        replace(mesh, part=replace(mesh.part, label=name))
+        for mesh, name in zip(meshes, names, strict=True)
+    ]
+
+
+def _select_parts(
+    path: Path, meshes: Sequence[Mended], options: ReadOptions
+) -> tuple[list[Mended], list[str]]:
+    """Return the parts that options select, and a note on the others."""
+    names = [mesh.part.label for mesh in meshes]
+    dropped: set[str] = set()
+    for option, patterns in (("--leave-out", options.leave_out), ("--only", options.only)):
+        chosen: set[str] = set()
+        for pattern in patterns:
+            fitting = {name for name in names if fits_pattern(name, pattern)}
+            # Files of meshes are left out before they are read.
+            if not fitting and not (option == "--leave-out" and is_folder(path)):
+                raise OptionError(_describe_no_match(option, pattern, names))
+            chosen |= fitting
+        if option == "--leave-out":
+            dropped |= chosen
+        elif patterns:
+            dropped |= set(names) - chosen
+    kept = [mesh for mesh in meshes if mesh.part.label not in dropped]
+    ordered = [name for name in names if name in dropped]
+    if not ordered:
+        return kept, []
+    shown = ", ".join(ordered[:_NAMED]) + (" and others" if len(ordered) > _NAMED else "")
+    return kept, [f"{len(ordered)} part{'s' if ordered[1:] else ''} left out as requested: {shown}"]
+
+
+def fits_pattern(name: str, pattern: str) -> bool:
+    """Return whether a part's name, or its last word, fits a pattern such as ``bolt*``."""
+    return any(fnmatchcase(text, pattern) for text in (name, name.rpartition("/")[2]))
+
+
+def _describe_no_match(option: str, pattern: str, names: Sequence[str]) -> str:
+    return f"{option} {pattern}: no part has such a name. {name_hint(pattern, names)}"
+
+
+def _join_parts(
+    path: Path, meshes: list[Mended], options: ReadOptions
+) -> tuple[list[Mended], list[str]]:
+    """Return the parts with those of each pattern joined to one, and notes."""
+    notes = []
+    for pattern in options.as_one:
+        fitting = [mesh for mesh in meshes if fits_pattern(mesh.part.label, pattern)]
+        if not fitting:
+            raise OptionError(
+                _describe_no_match("--as-one", pattern, [mesh.part.label for mesh in meshes])
+            )
+        if len(fitting) < 2:
+            raise OptionError(
+                f"--as-one {pattern}: only {fitting[0].part.label} has such a name; give a pattern "
+                "that fits two parts or more."
+            )
+        largest = max(fitting, key=_measure_volume_m3).part
+        whole = join(largest.name, fitting)
+        whole = replace(whole, part=replace(largest, **_get_geometry(whole.part)))
+        first = meshes.index(fitting[0])
+        meshes = [mesh for mesh in meshes if mesh not in fitting]
+        meshes.insert(first, whole)
+        others = ", ".join(mesh.part.label for mesh in fitting)
+        notes.append(f"{others} are one part, {largest.label}")
+    return meshes, notes
+
+
+def _get_geometry(part: RawPart) -> dict[str, Any]:
+    return {
+        "vertices_m": part.vertices_m,
+        "triangles": part.triangles,
+        "faces": part.faces,
+    }
+
+
+def _measure_volume_m3(mesh: Mended) -> float:
+    return abs(float(compute_volumes_m3(mesh.part.vertices_m, mesh.part.triangles).sum()))
+
+
+def _thicken_surfaces(
+    meshes: Sequence[Mended], options: ReadOptions
+) -> tuple[list[Mended], list[str]]:
+    """Return the parts with open surfaces as thin sheets, and warnings about these."""
+    parts, warnings = [], []
+    for mesh in meshes:
+        part = mesh.part
+        if not mesh.open_edges:
+            parts.append(mesh)
+            continue
+        thickness_m = options.thickness_m or min(_SHEET_M, options.chord_m)
+        size_m = np.ptp(part.vertices_m, axis=0)
+        sheet = thicken(part, thickness_m)
+        if options.thickness_m:
+            volume_m3, words = None, f"a sheet {options.thickness_m * 1000:g} mm thick"
+        else:
+            volume_m3 = float(np.prod(np.maximum(size_m, thickness_m)))
+            words = "a surface, with the mass of its box; --thickness MM makes it a sheet"
+        measures: tuple[Measure, ...] = ()
+        if volume_m3 is not None:
+            middle = (part.vertices_m.min(axis=0) + part.vertices_m.max(axis=0)) / 2
+            measures = (Measure(volume_m3, (float(middle[0]), float(middle[1]), float(middle[2]))),)
+        parts.append(
+            replace(
+                mesh,
+                part=sheet,
+                bodies=np.zeros(len(sheet.triangles), dtype=np.int64),
+                measures=measures,
+            )
+        )
+        extents = " x ".join(f"{value:.4g}" for value in size_m * 1000 if value > 1e-6)
+        at = ", ".join(f"{value * 1000:.4g}" for value in mesh.gap_point_m)
+        warnings.append(
+            f"{part.label} is not closed: a surface of {extents} mm with {mesh.open_edges} open "
+            f"edges, one at [{at}] mm. It is taken as {words}, or --leave-out it."
+        )
+    return parts, warnings
+
+
+def _leave_out_thin(meshes: Sequence[Mended]) -> tuple[list[Mended], list[str]]:
+    """Return the parts with a thickness, and warnings about the others."""
+    parts, warnings = [], []
+    for mesh in meshes:
+        part = mesh.part
+        volume = float(compute_volumes_m3(part.vertices_m, part.triangles).sum())
+        surface = float(
+            np.linalg.norm(compute_area_vectors_m2(part.vertices_m, part.triangles), axis=1).sum()
+        )
+        if volume > LEAST_THICKNESS_M / 2 * surface > 0:
+            parts.append(mesh)
+            continue
+        thickness_m = 2 * volume / surface if surface > 0 else 0.0
+        warnings.append(
+            f"{part.label} is left out: it is {thickness_m:.3g} m thick, where "
+            f"{LEAST_THICKNESS_M:g} m are the least."
+        )
+    return parts, warnings
+
+
+def _find_doubles(
+    meshes: Sequence[Mended], shapes: NDArray[np.int64], chord_m: float
+) -> dict[int, str]:
+    """Return the parts that have the shape and the place of an earlier one, with a warning each."""
+    doubles: dict[int, str] = {}
+    for number, mesh in enumerate(meshes):
+        vertices = mesh.part.vertices_m
+        near_m = max(2 * chord_m, 1e-4 * float(np.ptp(vertices, axis=0).max()))
+        for other in range(number):
+            if other in doubles or shapes[other] != shapes[number]:
+                continue
+            there = meshes[other].part.vertices_m
+            if (
+                np.abs(
+                    np.concatenate(
+                        [
+                            vertices.min(axis=0) - there.min(axis=0),
+                            vertices.max(axis=0) - there.max(axis=0),
+                        ]
+                    )
+                ).max()
+                > near_m
+            ):
+                continue
+            distances, _ = cKDTree(there).query(vertices)
+            if distances.max() <= near_m:
+                volume = _measure_volume_m3(mesh) * 1e9
+                doubles[number] = (
+                    f"{mesh.part.label} has the shape and the place of {meshes[other].part.label} "
+                    f"({volume:,.0f} mm3); it is taken once."
+                )
+                break
+    return doubles
+
+
+def _refuse_own_frames(path: Path, meshes: Sequence[Mended]) -> None:
+    """Refuse parts that lie in each other, because each has a frame of its own."""
+    count = len(meshes)
+    if count < 3:
+        return
+    order = sorted(range(count), key=lambda number: len(meshes[number].part.triangles))
+    sample = sorted(order[:_FRAME_SAMPLE])
+    pairs = list(combinations(sample, 2))
+    low = {number: meshes[number].part.vertices_m.min(axis=0) for number in sample}
+    high = {number: meshes[number].part.vertices_m.max(axis=0) for number in sample}
+
+    def share_boxes(first: int, second: int) -> bool:
+        common = np.minimum(high[first], high[second]) - np.maximum(low[first], low[second])
+        smaller = np.minimum(high[first] - low[first], high[second] - low[second])
+        return bool((common > 0.1 * smaller).all())
+
+    sharing = [pair for pair in pairs if share_boxes(*pair)]
+    if len(sharing) < _FRAME_SHARE * len(pairs):
+        return
+    deep = sum(
+        _overlap_deeply(meshes[first].part, meshes[second].part) for first, second in sharing
     )
-    return _build_product(raw, parts, bodies, tuple(notes), options)
+    if deep < _FRAME_SHARE * len(pairs):
+        return
+    middle = np.mean([(low[number] + high[number]) / 2 for number in sample], axis=0)
+    at = ", ".join(f"{value * 1000:.4g}" for value in middle)
+    looked = "" if len(sample) == count else f" of {len(sample)} looked at"
+    raise OptionError(
+        f"{path}: all {count} parts lie about one point, [{at}] mm, and {deep} of {len(pairs)} "
+        f"pairs{looked} overlap: each part is in a frame of its own, so this is no assembly. "
+        "Export the parts from the assembly, in its frame."
+    )
 
 
-def _read_raw(path: Path, options: ReadOptions) -> RawProduct:
+def _overlap_deeply(first: RawPart, second: RawPart) -> bool:
+    """Return whether two parts share a tenth of the smaller volume."""
+    import manifold3d
+
+    solids = [
+        manifold3d.Manifold(
+            manifold3d.Mesh64(
+                vert_properties=np.ascontiguousarray(part.vertices_m * 1000),
+                tri_verts=np.ascontiguousarray(part.triangles, dtype=np.uint64),
+            )
+        )
+        for part in (first, second)
+    ]
+    volumes = [float(solid.volume()) for solid in solids]
+    if min(volumes) <= 0:
+        return False
+    return float((solids[0] ^ solids[1]).volume()) > _DEEP * min(volumes)
+
+
+def _question_unit(meshes: Sequence[Mended], unit: str) -> list[str]:
+    """Return a warning if the unit of meshes makes a part or the product tiny or huge."""
+    sizes = [float(np.ptp(mesh.part.vertices_m, axis=0).max()) for mesh in meshes]
+    low = np.min([mesh.part.vertices_m.min(axis=0) for mesh in meshes], axis=0)
+    high = np.max([mesh.part.vertices_m.max(axis=0) for mesh in meshes], axis=0)
+    length_m = float((high - low).max())
+    smallest, largest = int(np.argmin(sizes)), int(np.argmax(sizes))
+    if sizes[largest] > _MOST_PART_M:
+        what = f"{meshes[largest].part.label} is {_show_length(sizes[largest])} long"
+    elif length_m < _LEAST_PRODUCT_M:
+        what = f"the product is {_show_length(length_m)} long"
+    elif sizes[smallest] < _LEAST_PART_M:
+        what = f"{meshes[smallest].part.label} is {_show_length(sizes[smallest])} long"
+    else:
+        return []
+    others = [
+        f"{name} ({_show_length(length_m * scale / UNITS_M[unit])})"
+        for name, scale in UNITS_M.items()
+        if name != unit
+        and _LEAST_PRODUCT_M <= length_m * scale / UNITS_M[unit] <= _MOST_PART_M
+        and (scale > UNITS_M[unit]) == (sizes[largest] <= _MOST_PART_M)
+    ]
+    rest = f" Is it {' or '.join(others)}?" if others else ""
+    return [f"{what} with --unit {unit}.{rest}"]
+
+
+def _show_length(length_m: float) -> str:
+    return f"{length_m:.3g} m" if length_m >= 1 else f"{length_m * 1000:.3g} mm"
+
+
+def _read_raw(path: Path, options: ReadOptions, report: Report | None) -> RawProduct:
     if not is_utf8(path.resolve().name):
         raise OptionError(f"{path}: its name is not UTF-8, and the product takes its name from it.")
     if is_folder(path):
-        return read_folder(path, options.unit)
+        return read_folder(
+            path,
+            options.unit,
+            options.chord_m,
+            lambda name: not any(fits_pattern(name, pattern) for pattern in options.leave_out),
+            report or (lambda text: None),
+        )
     if not is_regular(path):
         raise OptionError(f"{path}: there is no such file or folder.")
     if is_step(path):
         if options.unit is not None:
             raise OptionError(f"--unit {options.unit}: STEP states its unit itself; leave it out.")
-        return read_step(path, options.chord_m)
+        return read_step(path, options.chord_m, report)
     if path.suffix.lower() in MESHES:
         raise OptionError(
             f"{path}: is one mesh. Give the folder of all parts, one file a part, and --unit."
@@ -242,7 +580,7 @@ def _read_raw(path: Path, options: ReadOptions) -> RawProduct:
 
 def _refuse_far(path: Path, raw: RawProduct) -> None:
     """Refuse a product that is too long to resolve its parts."""
-    filled = [part for part in raw.parts if len(part.vertices_m)]
+    filled = [mesh.part for mesh in raw.parts if len(mesh.part.vertices_m)]
     if not filled:
         return
     low = np.min([part.vertices_m.min(axis=0) for part in filled], axis=0)
@@ -261,87 +599,63 @@ def _refuse_far(path: Path, raw: RawProduct) -> None:
     )
 
 
-def _refuse_thin(path: Path, parts: Sequence[RawPart]) -> None:
-    """Refuse a part without thickness, by the ratio of volume and surface."""
-    for part in parts:
-        volume = float(compute_volumes_m3(part.vertices_m, part.triangles).sum())
-        surface = float(
-            np.linalg.norm(compute_area_vectors_m2(part.vertices_m, part.triangles), axis=1).sum()
-        )
-        if not volume > LEAST_THICKNESS_M / 2 * surface > 0:
-            thickness_m = 2 * volume / surface if surface > 0 else 0.0
-            raise OptionError(
-                f"{path}: {_join_name(part)} is {thickness_m:.3g} m thick, where "
-                f"{LEAST_THICKNESS_M:g} m are the least. Correct it, or leave it out."
-            )
-
-
-def _refuse_open(path: Path, repaired: Sequence[Mended]) -> None:
-    gaps = [mesh for mesh in repaired if mesh.open_edges or not len(mesh.part.triangles)]
-    if not gaps:
+def _refuse_single(path: Path, meshes: Sequence[Mended], warnings: Sequence[str]) -> None:
+    if len(meshes) > 1:
         return
-    named = []
-    for gap in gaps[:_NAMED]:
-        at = ", ".join(f"{value * 1000:.4g}" for value in gap.gap_point_m)
-        named.append(f"{_join_name(gap.part)} ({gap.open_edges} open edges, one at [{at}] mm)")
-    more = f" and {len(gaps) - _NAMED} more" if len(gaps) > _NAMED else ""
-    raise OptionError(
-        f"{path}: not watertight: {'; '.join(named)}{more}. Make solids of these in CAD, or leave "
-        "them out."
-    )
-
-
-def _refuse_single(path: Path, parts: Sequence[RawPart], bodies: Sequence[int]) -> None:
-    if len(parts) > 1:
-        return
-    if bodies[0] > 1:
+    about = f" {' '.join(warnings)}" if warnings else ""
+    if not meshes:
+        raise OptionError(f"{path}: no part is left.{about}")
+    name, bodies = meshes[0].part.label, int(meshes[0].bodies.max(initial=0)) + 1
+    if bodies > 1:
         raise OptionError(
-            f"{path}: holds one part, {parts[0].name}, of {bodies[0]} bodies. --split-bodies makes "
-            "each of these a part."
+            f"{path}: holds one part, {name}, of {bodies} bodies. --split-bodies makes each of "
+            f"these a part.{about}"
         )
     raise OptionError(
-        f"{path}: holds one part, {parts[0].name}; there is nothing to assemble. Save the assembly."
+        f"{path}: holds one part, {name}; there is nothing to assemble. Save the assembly.{about}"
     )
 
 
-def _build_product(
-    raw: RawProduct,
-    parts: Sequence[RawPart],
-    bodies: Sequence[int],
-    notes: tuple[str, ...],
-    options: ReadOptions,
-) -> Product:
-    shapes, mirrors = find_shapes(parts, raw.chord_m)
-    names = _assign_names(parts)
-    product_parts = []
-    for number, part in enumerate(parts):
-        faces = (
-            tuple(recognise_face(face, part.vertices_m, part.triangles) for face in part.faces)
-            if part.faces
-            else fit_faces(part.vertices_m, part.triangles)
-        )
+def _build_part(mesh: Mended, shape: int, mirrors: int | None, options: ReadOptions) -> Part:
+    part = mesh.part
+    faces = (
+        tuple(recognise_face(face, part.vertices_m, part.triangles) for face in part.faces)
+        if part.faces
+        else fit_faces(part.vertices_m, part.triangles)
+    )
+    if mesh.measures:
+        volume_m3 = sum(measure.volume_m3 for measure in mesh.measures)
+        weighted = [measure.volume_m3 * np.asarray(measure.centre_m) for measure in mesh.measures]
+        centre = np.sum(weighted, axis=0) / volume_m3
+    else:
+        volume_m3 = float(compute_volumes_m3(part.vertices_m, part.triangles).sum())
         centre = compute_centre_m(part.vertices_m, part.triangles)
-        product_parts.append(
-            Part(
-                name=names[number],
-                path=part.path,
-                vertices_m=part.vertices_m,
-                triangles=part.triangles,
-                faces=faces,
-                volume_m3=float(compute_volumes_m3(part.vertices_m, part.triangles).sum()),
-                density_kg_m3=options.density_kg_m3,
-                centre_m=(float(centre[0]), float(centre[1]), float(centre[2])),
-                shape=int(shapes[number]),
-                mirrors=mirrors.get(int(shapes[number])),
-                bodies=bodies[number],
-                design=part.design,
-            )
-        )
-    repeated = sorted(name for name, count in Counter(map(_join_name, parts)).items() if count > 1)
-    if repeated:
-        shown = ", ".join(repeated[:_NAMED]) + (" and others" if len(repeated) > _NAMED else "")
-        notes = (*notes, f"names that repeat are numbered: {shown}")
-    return Product(raw.name, tuple(product_parts), raw.unit, raw.chord_m, notes)
+    closure: Closure = "closed"
+    if mesh.open_edges:
+        closure = "surface"
+    elif mesh.gap_m:
+        closure = "mended"
+    return Part(
+        name=part.label,
+        path=part.path,
+        vertices_m=part.vertices_m,
+        triangles=part.triangles,
+        faces=faces,
+        volume_m3=volume_m3,
+        density_kg_m3=options.density_kg_m3,
+        centre_m=(float(centre[0]), float(centre[1]), float(centre[2])),
+        shape=shape,
+        mirrors=mirrors,
+        bodies=int(mesh.bodies.max(initial=0)) + 1,
+        design=part.design,
+        closure=closure,
+        gap_m=mesh.gap_m,
+    )
+
+
+def _list_repeated(meshes: Sequence[Mended]) -> list[str]:
+    counts = Counter(_join_name(mesh.part) for mesh in meshes)
+    return [name for name, count in counts.items() if count > 1]
 
 
 def _assign_names(parts: Sequence[RawPart]) -> list[str]:

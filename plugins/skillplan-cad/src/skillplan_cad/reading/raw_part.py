@@ -1,4 +1,4 @@
-"""Meshes as they stand in a file, before repair."""
+"""Meshes of a file, before and after repair."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.product import Face, Points, Triangles
+from skillplan_cad.product import Face, Points, Triangles, Vector
 
 # Largest number of parts; every pair is tested.
 MOST_PARTS = 2_000
@@ -29,6 +29,8 @@ class RawPart:
         CAD faces with indices into `triangles`; empty for plain meshes.
     design
         Name of its design; empty if unknown.
+    label
+        Unique name in the product; empty until it is assigned.
     """
 
     name: str
@@ -37,6 +39,42 @@ class RawPart:
     triangles: Triangles
     faces: tuple[Face, ...] = ()
     design: str = ""
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """Exact volume [m3] and centroid [m] of a body, from CAD."""
+
+    volume_m3: float
+    centre_m: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mended:
+    """A part with its mesh repaired as far as possible.
+
+    Parameters
+    ----------
+    part
+        Part with merged vertices and outward triangles.
+    open_edges
+        Number of edges without a triangle on one side; 0 if the mesh is closed.
+    bodies
+        Body number of each triangle; cavities belong to their body.
+    gap_m
+        Largest gap that was closed [m].
+    measures
+        Exact measures of the bodies; empty if unknown.
+    """
+
+    part: RawPart
+    open_edges: int
+    gap_point_m: NDArray[np.float64]
+    bodies: NDArray[np.int64]
+    notes: tuple[str, ...] = ()
+    gap_m: float = 0.0
+    measures: tuple[Measure, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,13 +89,16 @@ class RawProduct:
         Greatest distance of triangles from the true surface; 0 if unknown.
     notes
         Remarks of the reader, one sentence each.
+    warnings
+        What the reader left out, one sentence each.
     """
 
     name: str
-    parts: tuple[RawPart, ...]
+    parts: tuple[Mended, ...]
     unit: str
     chord_m: float
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def compute_area_vectors_m2(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:

@@ -1,33 +1,40 @@
-"""Parts of a STEP file, read by OCCT through cascadio."""
+"""Parts of a STEP file, read by OCCT in a process of its own."""
 
 from __future__ import annotations
 
-import os
+import hashlib
 import re
-import sys
 import time
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from skillplan.errors import OptionError
-from skillplan.files.regular_file import RefusedFile, read_bytes
-from skillplan.workers.executor import Answer, Ended, Prepare, Worker, pack_content
+from skillplan.files.regular_file import RefusedFile, read_bytes, resolve_within
+from skillplan.workers.executor import Answer, Ended, News, Prepare, Worker, pack_content
+from skillplan.workers.executor import tell as send_news
 from skillplan.workers.local_processes import LocalProcesses
 from skillplan.workers.processes import measure_resident_bytes_of
-from skillplan_cad.reading.glb import NOT_FINITE, read_parts
-from skillplan_cad.reading.raw_part import RawProduct
+from skillplan_cad.product import Vector
+from skillplan_cad.reading.raw_part import Mended, RawProduct
+
+if TYPE_CHECKING:
+    from skillplan_cad.reading.occt_reader import Instance, StepContent
 
 _WHAT = "reading STEP"
-# Largest angle between chords [rad]; chord_m bounds their distance from the surface.
-_TURN_RAD = 0.5
 _REMEDY = "Save it from CAD anew as STEP (AP203, AP214 or AP242)"
 _GIB = 1024**3
 # Ten times the duration of slow files.
 _LEAST_S, _S_A_MEGABYTE = 120.0, 6.0
+# Interval of reports of progress [s].
+_PATIENCE_S = 2.0
+Report = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,27 +53,9 @@ class Limits:
     memory_bytes: int = 8 * _GIB
 
 
-def tessellate(path: Path, content: bytes, chord_m: float) -> bytes:
-    """Return the GLB that OCCT creates from a STEP file.
-
-    Parameters
-    ----------
-    chord_m
-        Greatest distance of triangles from curved faces [m].
-
-    Raises
-    ------
-    OptionError
-        If OCCT refuses the file, crashes, or exceeds a limit.
-    """
-    limits = Limits(_LEAST_S + _S_A_MEGABYTE * len(content) / 1e6)
-    glb = read_in_process(path, prepare, (content, chord_m), limits)
-    if not isinstance(glb, bytes) or not glb:
-        raise OptionError(f"{path}: OCCT cannot read it as STEP. {_REMEDY}.")
-    return glb
-
-
-def read_in_process(path: Path, prepare: Prepare, content: Any, limits: Limits) -> Any:
+def read_in_process(
+    path: Path, prepare: Prepare, content: Any, limits: Limits, report: Report | None = None
+) -> Any:
     """Run one job in a process of its own and return the answer.
 
     Parameters
@@ -77,6 +66,8 @@ def read_in_process(path: Path, prepare: Prepare, content: Any, limits: Limits) 
         Argument of `prepare`.
     limits
         Limits after which the process is killed.
+    report
+        Called with the news of the process.
 
     Raises
     ------
@@ -96,6 +87,8 @@ def read_in_process(path: Path, prepare: Prepare, content: Any, limits: Limits) 
                     return answer.content
                 if isinstance(answer, Ended):
                     raise _describe_crash(path, worker, answer)
+                if isinstance(answer, News) and report is not None:
+                    report(str(answer.content))
             if time.monotonic() > until:
                 raise OptionError(
                     f"{path}: OCCT was still reading after {limits.seconds:.0f} s and was ended. "
@@ -116,56 +109,33 @@ def _describe_crash(path: Path, worker: Worker, ended: Ended) -> Exception:
     )
 
 
-def prepare(content: tuple[bytes, float]) -> Callable[[None], bytes | None]:
-    """Return the job of the process; its result is None if OCCT refuses the file."""
+def prepare(content: tuple[str, float, list[str]]) -> Callable[[None], StepContent | None]:
+    """Return the job of the process; its result is None if OCCT refuses the file.
 
-    def read(_: None) -> bytes | None:
+    Parameters
+    ----------
+    content
+        Path of the file, greatest distance of triangles from curved faces [m], and names of the
+        files that it may refer to.
+    """
+    from skillplan_cad.reading.occt_reader import read_document
+
+    path, chord_m, allowed = content
+    last = time.monotonic()
+
+    def report(text: str) -> None:
+        nonlocal last
+        if time.monotonic() - last > _PATIENCE_S:
+            last = time.monotonic()
+            send_news(text)
+
+    def read(_: None) -> StepContent | None:
         try:
-            return _read(*content)
+            return read_document(Path(path), chord_m, allowed, report)
         except (RuntimeError, ValueError, MemoryError):
             return None
 
     return read
-
-
-def _read(content: bytes, chord_m: float) -> bytes:
-    import cascadio
-
-    with _silence_output():
-        glb: bytes = cascadio.load(
-            content,
-            "step",
-            tol_linear=chord_m * 1000,
-            tol_angular=_TURN_RAD,
-            merge_primitives=True,
-            use_parallel=False,
-            include_brep=True,
-        )
-    return glb
-
-
-@contextmanager
-def _silence_output() -> Iterator[None]:
-    """Discard the output of OCCT; stdout belongs to the command."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = {}
-    for descriptor in (1, 2):
-        try:
-            kept[descriptor] = os.dup(descriptor)
-        except OSError:
-            # The descriptor is closed.
-            continue
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for descriptor in kept:
-            os.dup2(nowhere, descriptor)
-        yield
-    finally:
-        for descriptor, copy in kept.items():
-            os.dup2(copy, descriptor)
-            os.close(copy)
-        os.close(nowhere)
 
 
 SUFFIXES = (".step", ".stp", ".step.gz", ".stp.gz", ".stpz")
@@ -182,6 +152,10 @@ _NOT_FINITE = re.compile(
     re.IGNORECASE,
 )
 _POINT = re.compile(rb"#(\d+)\s*=\s*CARTESIAN_POINT\s*\(\s*'[^']*'\s*,\s*\(([^()]{0,200})\)")
+# Names of files that a file refers to; stand-in for one that is not read.
+_FILE_NAME = re.compile(rb"'((?:[^']|''){1,1000}\.(?:step|stp|p21))'", re.IGNORECASE)
+_NOWHERE = "left_out.none"
+NOT_FINITE = "has coordinates that are not finite"
 _PREFIXES = {b".MILLI.": "mm", b".CENTI.": "cm", b".DECI.": "dm", b"$": "m", b".MICRO.": "um"}
 _ASSEMBLE = "Save it from CAD as STEP (AP203, AP214 or AP242)"
 
@@ -191,8 +165,8 @@ def is_step(path: Path) -> bool:
     return path.name.lower().endswith(SUFFIXES)
 
 
-def read_step(path: Path, chord_m: float) -> RawProduct:
-    """Read the parts of a STEP file.
+def read_step(path: Path, chord_m: float, report: Report | None = None) -> RawProduct:
+    """Read the parts of a STEP file, and of the files beside it that it refers to.
 
     Parameters
     ----------
@@ -200,6 +174,8 @@ def read_step(path: Path, chord_m: float) -> RawProduct:
         STEP file, optionally compressed by gzip.
     chord_m
         Greatest distance of triangles from curved faces [m].
+    report
+        Called with progress.
 
     Raises
     ------
@@ -208,16 +184,168 @@ def read_step(path: Path, chord_m: float) -> RawProduct:
     """
     content = _read_content(path)
     unit = _find_unit(path, content)
-    glb = tessellate(path, content, chord_m)
-    try:
-        name, parts = read_parts(glb)
-    except ValueError as error:
-        raise OptionError(f"{path}: {error}{_describe_remedy(str(error), content)}.") from None
+    files, notes = _gather_references(path, content)
+    whole = _read_files(path, files, chord_m, report)
+    parts, more = _place_instances(whole)
     if not parts:
+        reasons = "; ".join([*notes, *more])
         raise OptionError(
             f"{path}: holds no solids or surfaces, as a drawing or mere curves do. Save the solids."
+            + (f" {reasons[0].upper()}{reasons[1:]}." if reasons else "")
         )
-    return RawProduct(name or path.name.partition(".")[0], tuple(parts), unit, chord_m)
+    for mended in parts:
+        if not np.isfinite(mended.part.vertices_m).all():
+            raise OptionError(f"{path}: {NOT_FINITE}{_describe_remedy(NOT_FINITE, content)}.")
+    name = whole.name or path.name.partition(".")[0]
+    return RawProduct(name, tuple(parts), unit, chord_m, whole.notes, (*notes, *more))
+
+
+def hash_step(path: Path) -> str:
+    """Return a hash of a file and of those that it refers to; empty if it is refused."""
+    try:
+        files, notes = _gather_references(path, _read_content(path))
+    except OptionError:
+        return ""
+    digest = hashlib.sha256("\0".join(notes).encode())
+    for name, content in files.items():
+        digest.update(name.encode() + b"\0" + hashlib.sha256(content).digest())
+    return digest.hexdigest()
+
+
+def _read_files(
+    path: Path, files: Mapping[str, bytes], chord_m: float, report: Report | None
+) -> StepContent:
+    """Read a file, the first of some, by OCCT in a folder that holds only these."""
+    content = next(iter(files.values()))
+    size = sum(map(len, files.values()))
+    limits = Limits(_LEAST_S + _S_A_MEGABYTE * size / 1e6)
+    with TemporaryDirectory(prefix="skillplan-") as folder:
+        for name, own in files.items():
+            (Path(folder) / name).write_bytes(own)
+        job = (str(Path(folder) / next(iter(files))), chord_m, [*list(files)[1:], _NOWHERE])
+        whole = read_in_process(path, prepare, job, limits, report)
+    if whole is None:
+        raise OptionError(f"{path}: OCCT cannot read it as STEP. {_REMEDY}.")
+    if whole.refused:
+        raise OptionError(f"{path}: {whole.refused}{_describe_remedy(whole.refused, content)}.")
+    return whole  # type: ignore[no-any-return]
+
+
+def _gather_references(path: Path, content: bytes) -> tuple[dict[str, bytes], list[str]]:
+    """Return a file and the files that it refers to, by name, and a note on each that is missing.
+
+    Files outside its folder are not read; neither is a file twice.
+    """
+    main = "product.step"
+    files: dict[str, bytes] = {main: content}
+    notes: dict[str, None] = {}
+    todo = [main]
+    left = MOST_BYTES - len(content)
+    while todo:
+        own = todo.pop(0)
+        if b"DOCUMENT_FILE" not in files[own]:
+            continue
+        data = files[own].partition(b"DATA;")[2]
+        for quoted in sorted(set(_FILE_NAME.findall(data))):
+            name = _decode_text(quoted)
+            if name in files and name != main:
+                continue
+            found, words = _read_reference(path, name, left)
+            if found is None:
+                # OCCT would look for it elsewhere.
+                files[own] = files[own].replace(b"'" + quoted + b"'", b"'%b'" % _NOWHERE.encode())
+                notes.setdefault(words)
+                continue
+            left -= len(found)
+            files[name] = found
+            todo.append(name)
+    return files, list(notes)
+
+
+def _read_reference(path: Path, name: str, most_bytes: int) -> tuple[bytes | None, str]:
+    """Return the content of a file beside another; None and a note if it is not read."""
+    folder = path.resolve().parent
+    beside = folder / name
+    if Path(name).name != name or "\\" in name or name in (".", "..", path.name):
+        return None, f"refers to {name!r}, which is not in its folder and is left out"
+    try:
+        content = read_bytes(resolve_within(beside, folder), most_bytes, within=folder)
+    except RefusedFile as refused:
+        return None, f"refers to {name!r}, which is left out: {refused.strerror}"
+    except OSError:
+        return None, f"refers to {name!r}, which is missing beside it; its parts are left out"
+    _check_content(beside, content)
+    return content, ""
+
+
+def _decode_text(text: bytes) -> str:
+    """Return a text of STEP with its control directives replaced."""
+    # Lines may be broken anywhere.
+    bare = text.replace(b"\n", b"").replace(b"\r", b"")
+    plain = bare.replace(b"''", b"'").decode("utf-8", "replace")
+    plain = re.sub(
+        r"\\X2\\((?:[0-9A-F]{4})*)\\X0\\",
+        lambda match: bytes.fromhex(match[1]).decode("utf-16-be", "replace"),
+        plain,
+    )
+    plain = re.sub(r"\\X\\([0-9A-F]{2})", lambda match: chr(int(match[1], 16)), plain)
+    return re.sub(r"\\S\\(.)", lambda match: chr(ord(match[1]) + 128), plain)
+
+
+def _place_instances(whole: StepContent) -> tuple[list[Mended], list[str]]:
+    """Return the parts in the product's frame, and notes on those left out and on repairs."""
+    parts, notes = [], dict[str, None]()
+    for instance in whole.instances:
+        shape = whole.shapes[instance.shape]
+        if isinstance(shape, str):
+            notes.setdefault(f"{instance.name}: {shape}, and is left out")
+        else:
+            parts.append(_place(shape, instance))
+    return parts, list(notes)
+
+
+def _place(shape: Mended, instance: Instance) -> Mended:
+    """Return a shape at its place in the product."""
+    turn, move = instance.pose[:3, :3], instance.pose[:3, 3]
+    scale = float(np.linalg.det(turn))
+    part = shape.part
+    triangles = part.triangles[:, ::-1] if scale < 0 else part.triangles
+    size = abs(scale) ** (1 / 3)
+    faces = tuple(
+        replace(
+            face,
+            origin_m=_vector(turn @ np.asarray(face.origin_m) + move),
+            axis=_vector(turn @ np.asarray(face.axis) / size),
+            radius_m=face.radius_m * size,
+            minor_radius_m=face.minor_radius_m * size,
+        )
+        for face in part.faces
+    )
+    placed = replace(
+        part,
+        name=instance.name,
+        design=instance.design,
+        path=instance.path,
+        vertices_m=part.vertices_m @ turn.T + move,
+        triangles=triangles,
+        faces=faces,
+    )
+    measures = tuple(
+        replace(
+            measure,
+            volume_m3=measure.volume_m3 * abs(scale),
+            centre_m=_vector(turn @ np.asarray(measure.centre_m) + move),
+        )
+        for measure in shape.measures
+    )
+    gap_point = turn @ shape.gap_point_m + move
+    notes = tuple(note.replace(f"{part.name}: ", f"{instance.name}: ", 1) for note in shape.notes)
+    return replace(shape, part=placed, measures=measures, gap_point_m=gap_point, notes=notes)
+
+
+def _vector(numbers: Any) -> Vector:
+    x, y, z = (float(number) for number in numbers)
+    return x, y, z
 
 
 def _read_content(path: Path) -> bytes:
@@ -234,6 +362,12 @@ def _read_content(path: Path) -> bytes:
         raise OptionError(f"{path}: cannot be read: {refused.strerror}{remedy}.") from None
     except OSError as error:
         raise OptionError(f"{path}: cannot be read: {error.strerror or error}.") from None
+    _check_content(path, content)
+    return content
+
+
+def _check_content(path: Path, content: bytes) -> None:
+    """Refuse content that is no STEP, cut off, or that OCCT would misread."""
     if content[:2] == b"PK":
         raise OptionError(f"{path}: is a ZIP archive despite its name. Unpack it first.")
     if not content.strip():
@@ -249,7 +383,6 @@ def _read_content(path: Path) -> bytes:
     bare = _TEXT.sub(b"", content)
     _refuse_references(path, bare)
     _refuse_numbers(path, bare)
-    return content
 
 
 def _refuse_numbers(path: Path, bare: bytes) -> None:

@@ -110,7 +110,9 @@ def _fit_cylinder(
     """Fit a cylinder to triangles: axis from the normals, then a circle; None if it fails."""
     if len(chosen) < _LEAST_FACETS:
         return None
-    _, values, rows = np.linalg.svd(normals * np.sqrt(areas / areas.sum())[:, None])
+    weighted = normals * np.sqrt(areas / areas.sum())[:, None]
+    # Full matrices would have one row and column per triangle.
+    _, values, rows = np.linalg.svd(weighted, full_matrices=False)
     if values[2] > 0.02 or values[1] < 0.05:
         return None
     axis = rows[2]

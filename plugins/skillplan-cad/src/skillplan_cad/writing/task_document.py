@@ -544,6 +544,7 @@ def build_task(
     plan: AssemblyPlan,
     robot: str = "panda",
     bearing: Bearing | None = None,
+    without: Mapping[str, str] | None = None,
 ) -> WrittenTask | None:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
@@ -557,10 +558,13 @@ def build_task(
     bearing
         Supports of the parts; default: the orientation in which most parts stand. If no part is
         supported, none is left out for lack of support.
+    without
+        Parts to leave out, each with a reason.
     """
     bearing = bearing or find_best_bearing(product, relation)
     left_out = {**find_indirect_parts(plan), **(bearing.why_not if bearing.order else {})}
     left_out |= find_parts_from_below(relation, bearing.up)
+    left_out |= without or {}
     # Pieces of all parts tried so far: they do not depend on the parts left out.
     proved: ProvedPieces | None = None
     while True:

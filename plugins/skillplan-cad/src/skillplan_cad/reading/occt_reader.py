@@ -1,0 +1,620 @@
+"""Read a STEP file with Open CASCADE (OCCT): tree, names, healed and meshed shapes.
+
+Runs in a process of its own, because OCCT may crash, hang or take much memory.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeSolid,
+    BRepBuilderAPI_NurbsConvert,
+    BRepBuilderAPI_Sewing,
+)
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepLib import BRepLib
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.gp import gp_Pnt
+from OCP.GProp import GProp_GProps
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.IMeshTools import IMeshTools_Parameters
+from OCP.Poly import Poly_Triangle
+from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideClosed
+from OCP.Standard import Standard_Failure
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.STEPConstruct import STEPConstruct_ExternRefs
+from OCP.TCollection import TCollection_AsciiString, TCollection_ExtendedString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_Label, TDF_LabelSequence, TDF_Tool
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Compound
+from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+
+from skillplan.files.regular_file import read_bytes
+from skillplan_cad.product import Face, FaceKind, Vector
+from skillplan_cad.reading.mending import (
+    compute_volumes_m3,
+    join,
+    mend,
+    merge_equal_vertices,
+)
+from skillplan_cad.reading.raw_part import (
+    MOST_PARTS,
+    Measure,
+    Mended,
+    RawPart,
+    compute_area_vectors_m2,
+)
+
+# OCCT converts all units to millimetres.
+_MM = 1e-3
+# Largest angle between chords [rad]; chord_m bounds their distance from the surface.
+_TURN_RAD = 0.5
+# Tolerances of sewing below the chord [mm].
+_SEWING_MM = (1e-5, 1e-3)
+# Largest size of a file that another refers to.
+MOST_BYTES = 128 * 1024 * 1024
+# Largest number of characters in a part's path.
+MOST_PATH = 10_000
+# Number of points along an edge at which gaps are measured; largest number of such edges.
+_ALONG, _MOST_EDGES = 9, 600
+# Labels that exporters give to instances without a name.
+_LABEL = re.compile(r"(NAUO|nauo)?\d*|=>\[[\d:]*\]|NEXT_ASSEMBLY_USAGE_OCCURRENCE\d*")
+# Names of any part, which say nothing about this one.
+_GENERIC = re.compile(
+    r"(solid|body|bodies|compound|shell|part|component|document|shape|unnamed|untitled)"
+    r"[ _.:#-]*\d*|open cascade.*",
+    re.IGNORECASE,
+)
+_EDGE, _FACE, _SHELL, _SOLID = (
+    TopAbs_ShapeEnum.TopAbs_EDGE,
+    TopAbs_ShapeEnum.TopAbs_FACE,
+    TopAbs_ShapeEnum.TopAbs_SHELL,
+    TopAbs_ShapeEnum.TopAbs_SOLID,
+)
+_KINDS: dict[Any, FaceKind] = {
+    GeomAbs_SurfaceType.GeomAbs_Plane: "plane",
+    GeomAbs_SurfaceType.GeomAbs_Cylinder: "cylinder",
+    GeomAbs_SurfaceType.GeomAbs_Cone: "cone",
+    GeomAbs_SurfaceType.GeomAbs_Sphere: "sphere",
+    GeomAbs_SurfaceType.GeomAbs_Torus: "torus",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instance:
+    """A shape at one place of the product.
+
+    Parameters
+    ----------
+    shape
+        Number of the shape.
+    path
+        Names of the root and of the assemblies above it.
+    pose
+        Matrix from the shape's frame to the product's, shape (4, 4), in metres.
+    """
+
+    shape: int
+    name: str
+    design: str
+    path: tuple[str, ...]
+    pose: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepContent:
+    """The content of a STEP file.
+
+    Parameters
+    ----------
+    shapes
+        Meshes in their own frames; text instead for one without surface, which gives the reason.
+    refused
+        Reason why the file is refused; empty if it is not.
+    """
+
+    name: str = ""
+    shapes: tuple[Mended | str, ...] = ()
+    instances: tuple[Instance, ...] = ()
+    notes: tuple[str, ...] = ()
+    refused: str = ""
+
+
+def read_document(
+    path: Path, chord_m: float, allowed: Sequence[str], report: Callable[[str], None]
+) -> StepContent | None:
+    """Return the content of a STEP file; None if OCCT cannot read it.
+
+    Parameters
+    ----------
+    chord_m
+        Greatest distance of triangles from curved faces [m].
+    allowed
+        Names of the files in the folder of `path` that it may refer to.
+    report
+        Called with progress.
+    """
+    reader = STEPCAFControl_Reader()
+    for switch in (
+        reader.SetColorMode,
+        reader.SetLayerMode,
+        reader.SetPropsMode,
+        reader.SetGDTMode,
+    ):
+        switch(False)
+    reader.SetNameMode(True)
+    for name in allowed:
+        beside = path.parent / name
+        if beside.exists() and b"DOCUMENT_FILE" in read_bytes(beside, MOST_BYTES):
+            stray = _find_stray_reference(STEPCAFControl_Reader(), beside, allowed)
+            if stray:
+                return StepContent(refused=f"refers to {stray!r}, by {name}")
+    stray = _find_stray_reference(reader, path, allowed)
+    if stray is None:
+        return None
+    if stray:
+        return StepContent(refused=f"refers to {stray!r}")
+    report("converting entities")
+    document = TDocStd_Document(TCollection_ExtendedString("skillplan"))
+    reader.Transfer(document)
+    tool = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    roots = TDF_LabelSequence()
+    tool.GetFreeShapes(roots)
+    tree = _Tree()
+    labels = [roots.Value(number) for number in range(1, roots.Length() + 1)]
+    try:
+        name = tree.walk(labels)
+    except ValueError as error:
+        return StepContent(refused=str(error))
+    shapes = []
+    for number, (design, label) in enumerate(tree.designs, 1):
+        report(f"{number} of {len(tree.designs)} shapes")
+        shapes.append(build_shape(design, XCAFDoc_ShapeTool.GetShape_s(label), chord_m * 1000))
+    return StepContent(name, tuple(shapes), tuple(tree.instances), tuple(tree.list_notes()))
+
+
+def _find_stray_reference(reader: Any, path: Path, allowed: Sequence[str]) -> str | None:
+    """Read a file, and return a file it refers to that it may not; None if it cannot be read."""
+    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+        return None
+    references = STEPConstruct_ExternRefs(reader.Reader().WS())
+    references.LoadExternRefs()
+    names = (references.FileName(number) for number in range(1, references.NbExternRefs() + 1))
+    return next((name for name in names if name not in allowed), "")
+
+
+class _Tree:
+    """Instances of a document, in the order of its tree."""
+
+    def __init__(self) -> None:
+        self.instances: list[Instance] = []
+        self.designs: list[tuple[str, Any]] = []
+        self._numbers: dict[str, int] = {}
+        self._nameless: list[str] = []
+
+    def list_notes(self) -> list[str]:
+        """Return the names that were invented."""
+        if not self._nameless:
+            return []
+        shown = ", ".join(self._nameless[:6]) + (" and others" if self._nameless[6:] else "")
+        has = "part has" if len(self._nameless) == 1 else "parts have"
+        return [f"{len(self._nameless)} {has} no name in the file, and got one: {shown}"]
+
+    def walk(self, roots: Sequence[Any]) -> str:
+        """Add all instances below some roots, and return the name of the product.
+
+        Raises
+        ------
+        ValueError
+            If there are too many parts, or paths are too long. The message is a clause.
+        """
+        only = len(roots) == 1
+        named = self._name_siblings(roots)
+        product = named[0][1] if only else ""
+        above: tuple[str, ...] = () if only else ("",)
+        todo = [
+            (label, name, above, _read_pose(label), len(name)) for label, name in reversed(named)
+        ]
+        while todo:
+            label, name, path, pose, length = todo.pop()
+            if length > MOST_PATH:
+                raise ValueError(
+                    f"has a part {len(path)} assemblies deep, whose names have more than "
+                    f"{MOST_PATH:,} characters"
+                )
+            design = _resolve(label)
+            if not XCAFDoc_ShapeTool.IsAssembly_s(design):
+                self._add(design, name, path, pose)
+                continue
+            components = TDF_LabelSequence()
+            XCAFDoc_ShapeTool.GetComponents_s(design, components, False)
+            children = [components.Value(number) for number in range(1, components.Length() + 1)]
+            # A lone child with a name that says nothing takes that of its assembly.
+            lone = len(children) == 1 and path and _says_nothing(children[0])
+            if lone and not XCAFDoc_ShapeTool.IsAssembly_s(_resolve(children[0])):
+                todo.append((children[0], name, path, pose @ _read_pose(children[0]), length))
+                continue
+            below = (*path, name)
+            todo += [
+                (child, own, below, pose @ _read_pose(child), length + 1 + len(own))
+                for child, own in reversed(self._name_siblings(children))
+            ]
+        return product
+
+    def _add(self, label: Any, name: str, path: tuple[str, ...], pose: NDArray[np.float64]) -> None:
+        entry = TCollection_AsciiString()
+        TDF_Tool.Entry_s(label, entry)
+        key = entry.ToCString()
+        if key not in self._numbers:
+            self._numbers[key] = len(self.designs)
+            self.designs.append((_read_name(label) or name, label))
+        number = self._numbers[key]
+        self.instances.append(Instance(number, name, self.designs[number][0], path, pose))
+        if len(self.instances) > MOST_PARTS:
+            raise ValueError(f"holds more than {MOST_PARTS:,} parts")
+
+    def _name_siblings(self, labels: Sequence[Any]) -> list[tuple[Any, str]]:
+        """Return labels with distinct names: their own, those of their designs, or new ones."""
+        taken: set[str] = set()
+        named = []
+        for place, label in enumerate(labels, 1):
+            name = _read_name(label)
+            if _LABEL.fullmatch(name):
+                name = _read_name(_resolve(label))
+            if _LABEL.fullmatch(name):
+                name = f"part_{place}"
+                self._nameless.append(name)
+            stem, number = name, 1
+            while name in taken:
+                number += 1
+                name = f"{stem}#{number}"
+            taken.add(name)
+            named.append((label, name))
+        return named
+
+
+def _says_nothing(label: Any) -> bool:
+    names = (_read_name(label), _read_name(_resolve(label)))
+    return all(_LABEL.fullmatch(name) or _GENERIC.fullmatch(name) for name in names)
+
+
+def _resolve(label: Any) -> Any:
+    """Return the design that a component refers to, or the label itself."""
+    design = TDF_Label()
+    return design if XCAFDoc_ShapeTool.GetReferredShape_s(label, design) else label
+
+
+def _read_name(label: Any) -> str:
+    """Return the name of a label, without control characters."""
+    attribute = TDataStd_Name()
+    if not label.FindAttribute(TDataStd_Name.GetID_s(), attribute):
+        return ""
+    text = attribute.Get().ToExtString()
+    # Control characters, line separators, surrogates and private characters are not printable.
+    return "".join(
+        "_" if unicodedata.category(letter) in ("Cc", "Cs", "Co", "Cn", "Zl", "Zp") else letter
+        for letter in text
+    ).strip()
+
+
+def _read_pose(label: Any) -> NDArray[np.float64]:
+    return _read_location(XCAFDoc_ShapeTool.GetLocation_s(label))
+
+
+def _read_location(location: Any) -> NDArray[np.float64]:
+    """Return a location as a matrix in metres."""
+    pose = np.eye(4)
+    if not location.IsIdentity():
+        transformation = location.Transformation()
+        pose[:3] = [
+            [transformation.Value(row, column) for column in range(1, 5)] for row in range(1, 4)
+        ]
+        pose[:3, 3] *= _MM
+    return pose
+
+
+def build_shape(name: str, shape: Any, chord_mm: float) -> Mended | str:
+    """Return a shape of OCCT as a mesh, healed; text if it has no surface.
+
+    Parameters
+    ----------
+    chord_mm
+        Greatest distance of triangles from curved faces [mm].
+    """
+    if shape is None or shape.IsNull():
+        return "is empty"
+    _mesh(shape, chord_mm)
+    solids = list(_explore(shape, _SOLID))
+    loose = [*_explore(shape, _SHELL, _SOLID), *_explore(shape, _FACE, _SHELL)]
+    bodies = [_build_solid(name, solid, chord_mm) for solid in solids]
+    bodies = [body for body in bodies if len(body.part.triangles)]
+    if not bodies and loose:
+        bodies = _build_skin(name, loose, chord_mm)
+        loose = []
+    if not bodies:
+        curves = any(True for _ in _explore(shape, _EDGE))
+        return "holds only curves" if curves else "is empty"
+    whole = join(name, bodies)
+    if loose:
+        sheets = "a surface" if len(loose) == 1 else f"{len(loose)} surfaces"
+        whole = replace(whole, notes=(*whole.notes, f"{name}: {sheets} beside its solids left out"))
+    return whole
+
+
+def _build_solid(name: str, solid: Any, chord_mm: float) -> Mended:
+    """Return a solid as a mesh: as it is, or from another parametrisation, or sewn."""
+    part, failed = _collect(name, solid)
+    best, closed = merge_equal_vertices(part)
+    used, words = solid, ""
+    rank = (failed, not closed)
+    for remedy, heal in _REMEDIES if rank > (0, False) else ():
+        try:
+            healed = heal(solid, chord_mm)
+            if healed is None:
+                continue
+            _mesh(healed, chord_mm)
+            part, missing = _collect(name, healed)
+        except (Standard_Failure, RuntimeError):
+            # OCCT fails on some faces; the next remedy may not.
+            continue
+        part, now_closed = merge_equal_vertices(part)
+        if (missing, not now_closed) < rank:
+            rank, best, used, words = (missing, not now_closed), part, healed, remedy
+            closed = now_closed
+        if rank == (0, False):
+            break
+    whole = closed and sum(1 for _ in _explore(used, _SHELL)) == 1
+    mended = mend(best, chord_mm * _MM, is_merged=True, is_one_shell=whole)
+    if words and failed:
+        faces = "a face that was" if failed == 1 else f"{failed} faces that were"
+        note = f"{name}: {faces} not meshed as drawn, but from {words}"
+        mended = replace(mended, notes=(note, *mended.notes))
+    # Integrals over NURBS are less exact than those over the surfaces as drawn.
+    return _measure(mended, used if words == _SEWN else solid, chord_mm)
+
+
+def _build_skin(name: str, loose: Sequence[Any], chord_mm: float) -> list[Mended]:
+    """Return faces outside of solids as bodies, sewn if they close."""
+    compound = _make_compound(loose)
+    shells, gap_m = list(loose), 0.0
+    for tolerance_mm in (*_SEWING_MM, chord_mm):
+        sewn = _sew(compound, tolerance_mm)
+        if sewn is None:
+            continue
+        shells = [*_explore(sewn, _SHELL), *_explore(sewn, _FACE, _SHELL)]
+        if all(BRep_Tool.IsClosed_s(shell) for shell in shells):
+            if tolerance_mm > _SEWING_MM[0]:
+                gap_m = _measure_gap_m(compound, tolerance_mm)
+            break
+    bodies = []
+    for shell in shells:
+        closed = shell.ShapeType() == _SHELL and BRep_Tool.IsClosed_s(shell)
+        shape = _make_solid(shell) if closed else shell
+        _mesh(shape, chord_mm)
+        part, _ = _collect(name, shape)
+        if not len(part.triangles):
+            continue
+        body = mend(part, chord_mm * _MM)
+        bodies.append(_measure(body, shape, chord_mm) if closed else body)
+    if gap_m and bodies and not any(body.open_edges for body in bodies):
+        note = f"{name}: its faces were sewn over gaps of up to {gap_m * 1000:.2g} mm"
+        first = bodies[0]
+        gap_m = max(gap_m, first.gap_m)
+        bodies[0] = replace(first, gap_m=gap_m, notes=(note, *first.notes))
+    return bodies
+
+
+def _mesh(shape: Any, chord_mm: float) -> None:
+    parameters = IMeshTools_Parameters()
+    parameters.Deflection, parameters.Angle = chord_mm, _TURN_RAD
+    parameters.Relative, parameters.InParallel = False, True
+    BRepMesh_IncrementalMesh(shape, parameters)
+
+
+def _explore(shape: Any, kind: Any, avoid: Any = TopAbs_ShapeEnum.TopAbs_SHAPE) -> Iterator[Any]:
+    explorer = TopExp_Explorer(shape, kind, avoid)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
+
+
+def _collect(name: str, shape: Any) -> tuple[RawPart, int]:
+    """Return the triangles of a shape in metres, and the number of faces without triangles."""
+    points: list[Any] = [np.zeros((0, 3))]
+    triangles: list[Any] = [np.zeros((0, 3), dtype=np.int64)]
+    faces: list[Face] = []
+    corner = first = failed = 0
+    for item in _explore(shape, _FACE):
+        face = TopoDS.Face_s(item)
+        location = TopLoc_Location()
+        surface = BRep_Tool.Triangulation_s(face, location)
+        count = 0 if surface is None else surface.NbTriangles()
+        if not count:
+            failed += not _is_degenerate(face)
+            continue
+        nodes = map(surface.Node, range(1, surface.NbNodes() + 1))
+        vertices = _read_rows(map(gp_Pnt.Coord, nodes), np.float64) * _MM
+        numbered = map(surface.Triangle, range(1, count + 1))
+        corners = _read_rows(map(Poly_Triangle.Get, numbered), np.int64)
+        turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+        if not location.IsIdentity():
+            pose = _read_location(location)
+            vertices = vertices @ pose[:3, :3].T + pose[:3, 3]
+            turned ^= bool(np.linalg.det(pose[:3, :3]) < 0)
+        if turned:
+            corners = corners[:, ::-1]
+        points.append(vertices)
+        triangles.append(corners - 1 + corner)
+        faces.append(_describe_face(face, np.arange(first, first + count)))
+        corner += len(vertices)
+        first += count
+    whole = RawPart(name, (), np.concatenate(points), np.concatenate(triangles), tuple(faces), name)
+    return whole, failed
+
+
+def _read_rows(rows: Iterable[tuple[Any, Any, Any]], kind: type) -> NDArray[Any]:
+    """Return rows of three numbers as an array; OCCT hands them over one by one."""
+    return np.fromiter(chain.from_iterable(rows), kind).reshape(-1, 3)
+
+
+def _is_degenerate(face: Any) -> bool:
+    """Return whether a face is too small for triangles."""
+    box = Bnd_Box()
+    BRepBndLib.Add_s(face, box)
+    return bool(box.IsVoid()) or box.SquareExtent() < 1e-10
+
+
+def _describe_face(face: Any, triangles: NDArray[np.int64]) -> Face:
+    """Return a face with its surface; extents are measured on its triangles later."""
+    if BRep_Tool.Surface_s(face) is None:
+        return Face("free", triangles)
+    surface = BRepAdaptor_Surface(face, False)
+    kind = _KINDS.get(surface.GetType(), "free")
+    if kind == "free":
+        return Face("free", triangles)
+    form = getattr(surface, kind.capitalize())()
+    placement = form.Position()
+    place, axis = placement.Location(), placement.Direction()
+    radius = minor = half_angle = 0.0
+    if kind in ("cylinder", "sphere"):
+        radius = form.Radius() * _MM
+    elif kind == "cone":
+        radius, half_angle = form.RefRadius() * _MM, form.SemiAngle()
+    elif kind == "torus":
+        radius, minor = form.MajorRadius() * _MM, form.MinorRadius() * _MM
+    origin: Vector = (place.X() * _MM, place.Y() * _MM, place.Z() * _MM)
+    direction: Vector = (axis.X(), axis.Y(), axis.Z())
+    return Face(kind, triangles, origin, direction, radius, minor, half_angle)
+
+
+def _divide(solid: Any, _: float) -> Any:
+    divider = ShapeUpgrade_ShapeDivideClosed(solid)
+    divider.Perform()
+    return divider.Result()
+
+
+def _convert(solid: Any, _: float) -> Any:
+    return BRepBuilderAPI_NurbsConvert(solid, True).Shape()
+
+
+def _sew_solid(solid: Any, chord_mm: float) -> Any:
+    """Return a solid whose faces are sewn anew; None if they do not close."""
+    for tolerance_mm in (*_SEWING_MM, chord_mm):
+        sewn = _sew(_make_compound(list(_explore(solid, _FACE))), tolerance_mm)
+        shells = [] if sewn is None else list(_explore(sewn, _SHELL))
+        if shells and all(BRep_Tool.IsClosed_s(shell) for shell in shells):
+            return _make_compound([_make_solid(shell) for shell in shells])
+    return None
+
+
+_SEWN = "sewn faces"
+_REMEDIES = (
+    ("divided faces", _divide),
+    ("faces converted to NURBS", _convert),
+    (_SEWN, _sew_solid),
+)
+
+
+def _sew(shape: Any, tolerance_mm: float) -> Any:
+    sewing = BRepBuilderAPI_Sewing(tolerance_mm)
+    sewing.Add(shape)
+    try:
+        sewing.Perform()
+    except (Standard_Failure, RuntimeError):
+        return None
+    sewn = sewing.SewedShape()
+    return None if sewn is None or sewn.IsNull() else sewn
+
+
+def _make_solid(shell: Any) -> Any:
+    solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(shell)).Solid()
+    BRepLib.OrientClosedSolid_s(solid)
+    return solid
+
+
+def _make_compound(shapes: Sequence[Any]) -> Any:
+    compound, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(compound)
+    for shape in shapes:
+        builder.Add(compound, shape)
+    return compound
+
+
+def _measure(mended: Mended, shape: Any, chord_mm: float) -> Mended:
+    """Return a closed body with its exact measures, if they agree with its mesh."""
+    if mended.open_edges or mended.bodies.max(initial=0) > 0:
+        return mended
+    if all(face.kind == "plane" for face in mended.part.faces):
+        # The mesh is exact.
+        return mended
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, properties)
+    centre = properties.CentreOfMass()
+    volume_m3 = properties.Mass() * _MM**3
+    part = mended.part
+    meshed_m3 = float(compute_volumes_m3(part.vertices_m, part.triangles).sum())
+    area_m2 = np.linalg.norm(compute_area_vectors_m2(part.vertices_m, part.triangles), axis=1).sum()
+    # Faulty solids have volumes that their surface does not enclose.
+    if not abs(volume_m3 - meshed_m3) <= 2 * chord_mm * _MM * area_m2 + 1e-3 * meshed_m3:
+        return mended
+    place: Vector = (centre.X() * _MM, centre.Y() * _MM, centre.Z() * _MM)
+    return replace(mended, measures=(Measure(volume_m3, place),))
+
+
+def _measure_gap_m(shape: Any, tolerance_mm: float) -> float:
+    """Return the largest distance of a free edge from the others, up to the tolerance [m]."""
+    edges = TopTools_IndexedMapOfShape()
+    faces: dict[int, list[int]] = {}
+    for number, face in enumerate(_explore(shape, _FACE)):
+        for edge in _explore(face, _EDGE):
+            faces.setdefault(edges.Add(edge), []).append(number)
+    lines: list[list[Any]] = []
+    owners: list[int] = []
+    for number, own in faces.items():
+        edge = TopoDS.Edge_s(edges.FindKey(number))
+        if len(own) > 1 or BRep_Tool.Degenerated_s(edge) or len(lines) == _MOST_EDGES:
+            continue
+        curve = BRepAdaptor_Curve(edge)
+        places = np.linspace(curve.FirstParameter(), curve.LastParameter(), _ALONG)
+        lines.append([curve.Value(float(place)).Coord() for place in places])
+        owners += own
+    if len(set(owners)) < 2:
+        return 0.0
+    points, of_face = np.array(lines), np.array(owners)
+    gap_mm = 0.0
+    for number in np.unique(of_face):
+        own_lines, others = points[of_face == number], points[of_face != number]
+        ends = others[:, [0, -1]].reshape(-1, 3)
+        starts, along = others[:, :-1].reshape(-1, 3), np.diff(others, axis=1).reshape(-1, 3)
+        squares = np.maximum((along**2).sum(axis=1), 1e-30)
+        for place in range(_ALONG):
+            for point in own_lines[:, place]:
+                offsets = point - starts
+                share = np.clip((offsets * along).sum(axis=1) / squares, 0.0, 1.0)
+                off = np.linalg.norm(offsets - share[:, None] * along, axis=1).min()
+                if place in (0, _ALONG - 1):
+                    # Corners are sewn to corners.
+                    corner = np.linalg.norm(point - ends, axis=1).min()
+                    off = corner if corner <= 2 * tolerance_mm else off
+                if off <= 2 * tolerance_mm:
+                    gap_mm = max(gap_mm, float(off))
+    return gap_mm * _MM
