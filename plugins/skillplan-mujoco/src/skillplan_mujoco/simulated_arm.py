@@ -25,6 +25,7 @@ from skillplan_simulation.kinematics import (
     get_kinematics,
     make_unreachable_error,
     points_down,
+    resolve_acceleration,
 )
 from skillplan_simulation.motions import Setpoint
 from skillplan_simulation.simulator import (
@@ -92,6 +93,10 @@ def compute_torques(
         )
         return multiply(state.mass, gain) + state.bias + multiply_transposed(state.jacobian, load)
     jacobian = state.jacobian
+    if jacobian.shape[1] < len(jacobian):
+        aims = _compute_acceleration(state, setpoint, stiffness_per_s2)
+        gain = resolve_acceleration(jacobian, aims)
+        return multiply(state.mass, gain) + state.bias + multiply_transposed(jacobian, load)
     # Column: joint accelerations caused by a unit force or moment at the tip.
     yielding = solve_linear(state.mass, jacobian.T)
     pull = _compute_pull(state, setpoint)

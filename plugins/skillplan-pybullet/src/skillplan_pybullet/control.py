@@ -17,7 +17,11 @@ from numpy.typing import NDArray
 
 from skillplan.task.pose import Pose
 from skillplan_pybullet.robot_file import TIP_LINK, RobotFile
-from skillplan_simulation.kinematics import TipPose, compute_rotation_error
+from skillplan_simulation.kinematics import (
+    TipPose,
+    compute_rotation_error,
+    resolve_acceleration,
+)
 from skillplan_simulation.motions import JointRates, Setpoint
 
 Vector = NDArray[np.float64]
@@ -209,6 +213,11 @@ def compute_torques(
     )
     acceleration = stiffness_per_s2 * error + damping * (target_velocity - velocity)
     acceleration[:3] += setpoint.acceleration
+    if len(angles) < len(acceleration):
+        gain = resolve_acceleration(jacobian, acceleration)
+        load = np.concatenate([force_n, moment_nm])
+        torques_nm = terms.mass @ gain + terms.bias + jacobian.T @ load
+        return np.clip(torques_nm, -limit_nm, limit_nm)
     mass_inverse = np.linalg.inv(terms.mass)
     inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
     wrench = inertia @ acceleration

@@ -146,6 +146,27 @@ class ArmKinematics:
         return self._numeric.solve_from(joints_rad, _make_se3(position, rotation))
 
 
+# Damping that keeps singular postures solvable.
+_DAMPING = 1e-8
+
+
+def resolve_acceleration(jacobian: Vector, acceleration: Vector) -> Vector:
+    """Return joint accelerations nearest to an acceleration of the tip, for missing joints.
+
+    With fewer joints than the tip has degrees of freedom, no force at the tip gives any acceleration.
+
+    Parameters
+    ----------
+    jacobian
+        Jacobian of the tip, linear above angular velocity, shape (6, joints).
+    acceleration
+        Linear above angular acceleration of the tip, shape (6,).
+    """
+    joints = jacobian.shape[1]
+    inner = jacobian.T @ jacobian + _DAMPING * np.eye(joints)
+    return np.asarray(np.linalg.solve(inner, jacobian.T @ acceleration))
+
+
 @lru_cache(maxsize=16)
 def _make_kinematics(
     description: ArmDescription, base: Transform, tool: Transform
