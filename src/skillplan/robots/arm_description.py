@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -252,6 +253,8 @@ class Joint:
         Unit vector of the axis in its frame.
     is_prismatic
         True for a prismatic joint.
+    follows
+        For a joint that another one moves: number of that joint, factor and offset of its position.
 
     Raises
     ------
@@ -270,6 +273,7 @@ class Joint:
     link: LinkInertia | None
     axis: Triple = (0.0, 0.0, 1.0)
     is_prismatic: bool = False
+    follows: tuple[int, float, float] | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -350,6 +354,14 @@ class ArmDescription:
                     f"its limits {joint.low_rad} and {joint.high_rad}. Give an angle between "
                     "them, or leave out home_rad for the default."
                 )
+        for number, joint in enumerate(self.joints):
+            leader = None if joint.follows is None else joint.follows[0]
+            if leader is not None and (
+                not 0 <= leader < len(self.joints) or self.joints[leader].follows is not None
+            ):
+                raise ValueError(f"Arm {self.name}: joint {joint.name} follows no other joint.")
+            if abs(self.follow(self.home_rad)[number] - self.home_rad[number]) > 1e-6:
+                raise ValueError(f"Arm {self.name}: home_rad has {joint.name} off its leader.")
         if self.shapes and len(self.shapes) != len(self.joints) + 1:
             raise ValueError(
                 f"Arm {self.name}: shapes must be of the base and each of {len(self.joints)} "
@@ -359,6 +371,20 @@ class ArmDescription:
             value = getattr(self, what)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"Arm {self.name}: {what} must be > 0, not {value}.")
+
+    def follow(self, joints_rad: Sequence[float]) -> tuple[float, ...]:
+        """Return a posture with each following joint where its leader puts it."""
+        return tuple(
+            angle
+            if joint.follows is None
+            else joint.follows[1] * joints_rad[joint.follows[0]] + joint.follows[2]
+            for joint, angle in zip(self.joints, joints_rad, strict=True)
+        )
+
+    @property
+    def freedoms(self) -> int:
+        """Number of joints that move independently."""
+        return sum(joint.follows is None for joint in self.joints)
 
     @property
     def works_within_m(self) -> float:

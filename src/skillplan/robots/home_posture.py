@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from skillplan.robots.arm_description import ArmDescription, Capsule, Hull, LinkShape
-from skillplan.robots.link_frames import Numbers, compute_link_frames, spread_postures
+from skillplan.robots.link_frames import Numbers, compute_link_frames, follow, spread_postures
 
 _SAMPLES: Final = 3_000
 _SHARE_OF_RANGE: Final = 0.85
@@ -38,6 +38,7 @@ def find_home(arm: ArmDescription) -> tuple[float, ...]:
     postures = spread_postures(arm, _SAMPLES, _SHARE_OF_RANGE)
     # Half of them face forwards: a joint about the vertical changes no penalty but its own.
     postures[::2, 0] = (arm.low_rad[0] + arm.high_rad[0]) / 2
+    postures = follow(arm, postures)
     frames = compute_link_frames(arm, postures)
     order = np.argsort(_rate(arm, postures, frames), kind="stable")[:_TESTED]
     solids = _Solids(arm)
@@ -50,7 +51,7 @@ def find_home(arm: ArmDescription) -> tuple[float, ...]:
             break
     low, high = np.array(arm.low_rad), np.array(arm.high_rad)
     home = np.clip(np.round(postures[best], 3), low, high)
-    return tuple(float(value) for value in home)
+    return arm.follow([float(value) for value in home])
 
 
 def _rate(arm: ArmDescription, postures: Numbers, frames: list[Numbers]) -> Numbers:

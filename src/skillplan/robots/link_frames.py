@@ -76,4 +76,14 @@ def spread_postures(arm: ArmDescription, count: int, share: float = 1.0) -> Numb
         root = (1 + root) ** (1 / (len(low) + 1))
     steps = np.array([root ** -(number + 1) for number in range(len(low))])
     places = (0.5 + np.outer(np.arange(1, count + 1), steps)) % 1.0
-    return np.asarray((low + high) / 2 + half * (2 * places - 1))
+    return follow(arm, (low + high) / 2 + half * (2 * places - 1))
+
+
+def follow(arm: ArmDescription, postures: Numbers) -> Numbers:
+    """Return postures with each following joint where its leader puts it, shape (n, joints)."""
+    followed = np.array(postures)
+    for number, joint in enumerate(arm.joints):
+        if joint.follows is not None:
+            leader, factor, offset = joint.follows
+            followed[..., number] = factor * followed[..., leader] + offset
+    return followed

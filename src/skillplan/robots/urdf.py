@@ -553,6 +553,7 @@ class _Segment:
 
     element: Element
     still: Rigid | None
+    follows: tuple[str, float, float] | None = None
 
 
 class UrdfTree:
@@ -596,11 +597,13 @@ class UrdfTree:
             if (segment := faults.collect(_read_segment, joint, notes)) is not None
         ]
         faults.settle()
+        segments = self._resolve_leaders(segments)
         moving = [segment for segment in segments if segment.still is None]
-        if not LEAST_JOINTS <= len(moving) <= MOST_JOINTS:
-            verb = "joint moves" if len(moving) == 1 else "joints move"
+        freedoms = sum(segment.follows is None for segment in moving)
+        if not LEAST_JOINTS <= freedoms <= MOST_JOINTS:
+            verb = "joint moves" if freedoms == 1 else "joints move"
             raise UrdfError(
-                f"{len(moving)} {verb} between its base and {tip!r}; an arm has "
+                f"{freedoms} {verb} between its base and {tip!r}; an arm has "
                 f"{LEAST_JOINTS} to {MOST_JOINTS}",
                 key="tip",
             )
@@ -619,6 +622,18 @@ class UrdfTree:
             own_joints += [] if joint is None else [joint]
             before = Rigid()
         faults.settle()
+        names = [joint.name for joint in own_joints]
+        own_joints = _couple(
+            own_joints,
+            {
+                names.index(segment.element.attributes["name"]): (
+                    names.index(segment.follows[0]),
+                    *segment.follows[1:],
+                )
+                for segment in moving
+                if segment.follows is not None
+            },
+        )
         shapes = tuple(tuple(own_shapes) for _, own_shapes in parts)
         return self._described(own_joints, before.transform, home_rad, shapes, notes)
 
@@ -630,19 +645,24 @@ class UrdfTree:
         shapes: tuple[tuple[LinkShape, ...], ...],
         notes: Notes,
     ) -> ArmDescription:
-        if home_rad is not None and len(home_rad) != len(joints):
-            message = f"{len(home_rad)} angles, where the arm has {len(joints)} joints"
-            raise UrdfError(message, key="home_rad")
-        near = tuple(min(max(0.0, joint.low_rad), joint.high_rad) for joint in joints)
-        if len(joints) < 6:
+        freedoms = sum(joint.follows is None for joint in joints)
+        if home_rad is not None:
+            if len(home_rad) != freedoms:
+                message = f"{len(home_rad)} angles, where the arm has {freedoms} joints"
+                raise UrdfError(message, key="home_rad")
+            own = iter(home_rad)
+            home_rad = [0.0 if joint.follows is not None else next(own) for joint in joints]
+        near = [min(max(0.0, joint.low_rad), joint.high_rad) for joint in joints]
+        start = _follow(joints, near if home_rad is None else home_rad)
+        if freedoms < 6:
             notes.doubts.append(
-                f"{len(joints)} joints move, so the hand takes only some orientations at a place"
+                f"{freedoms} joints move, so the hand takes only some orientations at a place"
             )
         arm = ArmDescription(
             self.name,
             tuple(joints),
             tip,
-            near if home_rad is None else tuple(home_rad),
+            start,
             shapes if any(shapes) else (),
             assumptions=(*self.notes, *notes.sentences()),
         )
@@ -652,6 +672,29 @@ class UrdfTree:
         from skillplan.robots.home_posture import find_home
 
         return replace(arm, home_rad=find_home(arm))
+
+    def _resolve_leaders(self, segments: Sequence[_Segment]) -> list[_Segment]:
+        """Return the chain with its mimic joints bound to the joint that moves them in the end."""
+        by_name = {segment.element.attributes["name"]: segment for segment in segments}
+        resolved = []
+        for segment in segments:
+            joint = segment.element
+            factor, offset, leader = 1.0, 0.0, joint.attributes["name"]
+            seen: set[str] = set()
+            mimic = joint.first("mimic")
+            while mimic is not None and leader not in seen:
+                seen.add(leader)
+                offset += factor * read_number(mimic, "offset", 0.0)
+                factor *= read_number(mimic, "multiplier", 1.0)
+                leader = mimic.attributes.get("joint", "")
+                mimic = self.joints[leader].first("mimic") if leader in self.joints else None
+            if leader == joint.attributes["name"] or segment.still is not None:
+                resolved.append(segment)
+            elif leader in by_name and by_name[leader].still is None and factor:
+                resolved.append(_Segment(joint, None, (leader, factor, offset)))
+            else:
+                resolved.append(_Segment(joint, _rest(self.joints, joint)))
+        return resolved
 
     def list_tips(self) -> list[tuple[str, int]]:
         """Return possible tips and the number of moving joints to each, the likeliest first.
@@ -964,11 +1007,6 @@ def _build_joint(
 ) -> Joint:
     name, kind = joint.attributes["name"], joint.attributes["type"]
     limit = joint.first("limit") or Element("limit", {}, joint.line)
-    if joint.first("mimic") is not None:
-        raise UrdfError(
-            f"joint {name!r} between base and tip mimics another, which is not supported",
-            line=joint.line,
-        )
     if kind == "continuous":
         low, high = -_FULL_TURN, _FULL_TURN
     else:
@@ -1006,6 +1044,49 @@ def _build_joint(
         )
     except ValueError as error:
         raise UrdfError(str(error).rstrip("."), line=limit.line) from None
+
+
+def _follow(joints: Sequence[Joint], home_rad: Sequence[float]) -> tuple[float, ...]:
+    """Return a posture with each following joint where its leader puts it."""
+    return tuple(
+        angle
+        if joint.follows is None
+        else joint.follows[1] * home_rad[joint.follows[0]] + joint.follows[2]
+        for joint, angle in zip(joints, home_rad, strict=True)
+    )
+
+
+def _couple(
+    joints: Sequence[Joint], followers: Mapping[int, tuple[int, float, float]]
+) -> list[Joint]:
+    """Return joints with followers, and leaders that keep followers within their limits.
+
+    Raises
+    ------
+    UrdfError
+        If a leader has no room left.
+    """
+    coupled = list(joints)
+    for number, (leader, factor, offset) in followers.items():
+        follower, own = joints[number], coupled[leader]
+        ends = sorted((limit - offset) / factor for limit in (follower.low_rad, follower.high_rad))
+        low, high = max(own.low_rad, ends[0]), min(own.high_rad, ends[1])
+        if not low < high:
+            raise UrdfError(
+                f"joint {follower.name!r} follows {own.name!r}, and no position is within the "
+                "limits of both"
+            )
+        coupled[leader] = replace(own, low_rad=low, high_rad=high)
+    for number, (leader, factor, offset) in followers.items():
+        own = coupled[leader]
+        ends = sorted(factor * limit + offset for limit in (own.low_rad, own.high_rad))
+        coupled[number] = replace(
+            joints[number],
+            low_rad=ends[0],
+            high_rad=ends[1],
+            follows=(leader, factor, offset),
+        )
+    return coupled
 
 
 def _read_masses(link: Element, notes: Notes) -> list[Mass]:

@@ -224,28 +224,32 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
         if settled and float(np.abs(twist).max()) < ACCURACY:
             return joints
         missed.append(twist[:3])
-        step = _step(jacobian, twist, 0.0 if settled else pull, posture - joints)
+        step = _step(arm, jacobian, twist, 0.0 if settled else pull, posture - joints)
         moved = joints + step
         # A joint that would leave its limits stays at them; the others compensate.
         stuck = (moved < low) | (moved > high)
         if stuck.any():
             free = jacobian * ~stuck
             held = np.where(stuck, np.clip(moved, low, high) - joints, 0.0)
-            step = held + _step(free, twist - times(jacobian, held), 0.0, posture) * ~stuck
+            step = held + _step(arm, free, twist - times(jacobian, held), 0.0, posture) * ~stuck
             moved = np.clip(joints + step, low, high)
         joints = moved
     nearest_m = min(length(error) for error in missed)
     return _make_unreachable(target, _explain_failure(arm, joints, target), nearest_m)
 
 
-def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
+def _step(arm: ArmModel, jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
     """Return the joint step [rad] towards the pose first, and towards the posture second."""
     # Damping vanishes near the solution, where the step becomes Newton's.
     damping = min(_DAMPING, dot(twist, twist)) + 1e-12
+    coupling = arm.serial.coupling
+    if coupling is not None:
+        inner_jacobian = times(jacobian, coupling)
+        step = times(coupling, _solve_damped(inner_jacobian, twist, damping))
+        size = float(np.abs(step).max())
+        return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
     if jacobian.shape[1] < len(twist):
-        # With missing joints no posture is left to prefer.
-        own = times(jacobian.T, jacobian) + damping * np.eye(jacobian.shape[1])
-        step = solve_linear(own, times(jacobian.T, twist))
+        step = _solve_damped(jacobian, twist, damping)
         size = float(np.abs(step).max())
         return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
     inner = times(jacobian, jacobian.T) + damping * _IDENTITY
@@ -257,6 +261,12 @@ def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
         step = times(jacobian.T, solve_linear(inner, twist))
     size = float(np.abs(step).max())
     return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
+
+
+def _solve_damped(jacobian: Vector, twist: Vector, damping: float) -> Vector:
+    """Return the damped least-squares step of few joints; no posture is left to prefer."""
+    inner = times(jacobian.T, jacobian) + damping * np.eye(jacobian.shape[1])
+    return solve_linear(inner, times(jacobian.T, twist))
 
 
 def _explain_failure(arm: ArmModel, joints: Vector, target: Any) -> str:

@@ -216,8 +216,8 @@ def compute_torques(
     if len(angles) < len(acceleration):
         gain = resolve_acceleration(jacobian, acceleration)
         load = np.concatenate([force_n, moment_nm])
-        torques_nm = terms.mass @ gain + terms.bias + jacobian.T @ load
-        return np.clip(torques_nm, -limit_nm, limit_nm)
+        torques: Vector = terms.mass @ gain + terms.bias + jacobian.T @ load
+        return np.clip(torques, -limit_nm, limit_nm)
     mass_inverse = np.linalg.inv(terms.mass)
     inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
     wrench = inertia @ acceleration

@@ -153,7 +153,7 @@ _DAMPING = 1e-8
 def resolve_acceleration(jacobian: Vector, acceleration: Vector) -> Vector:
     """Return joint accelerations nearest to an acceleration of the tip, for missing joints.
 
-    With fewer joints than the tip has degrees of freedom, no force at the tip gives any acceleration.
+    With fewer than six joints the tip cannot take every acceleration.
 
     Parameters
     ----------

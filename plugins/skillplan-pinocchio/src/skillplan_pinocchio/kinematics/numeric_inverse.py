@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.robots.link_frames import follow
 from skillplan_pinocchio.kinematics.fixed_order import dot, length, solve_linear, times
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 
@@ -80,7 +81,9 @@ class NumericInverse:
         turns = [math.inf if joint.is_prismatic else math.pi for joint in arm.description.joints]
         half = np.minimum((high - low) / 2, turns)
         middle = (low + high) / 2
-        self._starts = middle + half * (2 * _even_points(_SAMPLES, len(low)) - 1)
+        self._starts = follow(
+            arm.description, middle + half * (2 * _even_points(_SAMPLES, len(low)) - 1)
+        )
         self._features = np.array([_feature(arm.tip(start)) for start in self._starts])
 
     def solve(self, target: Any, near: Vector | None = None) -> Vector | Unreached:
@@ -197,6 +200,9 @@ class NumericInverse:
 
     def _step(self, jacobian: Vector, twist: Vector, square: float) -> Vector:
         """Return the joint step [rad], with less damping near the solution (Sugihara 2011)."""
+        coupling = self.arm.coupling
+        if coupling is not None:
+            jacobian = times(jacobian, coupling)
         rows, joints = jacobian.shape
         if joints < rows:
             # The smaller system: the other one is singular for arms with missing joints.
@@ -207,6 +213,8 @@ class NumericInverse:
             inner = times(jacobian, jacobian.T)
             inner.flat[:: rows + 1] += _DAMPING * square + 1e-12
             step = times(jacobian.T, solve_linear(inner, twist))
+        if coupling is not None:
+            step = times(coupling, step)
         size = float(np.abs(step).max())
         return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
 

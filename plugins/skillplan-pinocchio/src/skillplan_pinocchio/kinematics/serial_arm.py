@@ -38,6 +38,9 @@ class SerialArm:
         Home posture [rad], shape (joints,).
     model
         `pinocchio.Model` with masses and the frame `tip`.
+    coupling
+        Motions of all joints per motion of the independent ones, shape (joints, freedoms); None if
+        no joint follows another.
 
     Examples
     --------
@@ -59,6 +62,7 @@ class SerialArm:
         self.high_rad: Vector = np.array(description.high_rad)
         self.home_rad: Vector = np.array(description.home_rad)
         self.model = build_model(description, base, tool)
+        self.coupling = compute_coupling(description)
         self._data = self.model.createData()
         self._tip = self.model.getFrameId("tip")
 
@@ -144,6 +148,22 @@ def build_model(
     for name, where in (("flange", flange), ("tip", flange * make_placement(tool))):
         model.addFrame(pin.Frame(name, parent, where, pin.FrameType.OP_FRAME))
     return model
+
+
+def compute_coupling(description: ArmDescription) -> Vector | None:
+    """Return motions of all joints per motion of the independent ones, None if all are independent.
+
+    Shape (joints, freedoms).
+    """
+    joints = description.joints
+    if description.freedoms == len(joints):
+        return None
+    own = [number for number, joint in enumerate(joints) if joint.follows is None]
+    coupling = np.zeros((len(joints), len(own)))
+    for number, joint in enumerate(joints):
+        leader, factor, _ = joint.follows or (number, 1.0, 0.0)
+        coupling[number, own.index(leader)] = factor
+    return coupling
 
 
 def compute_strokes_m(description: ArmDescription) -> Vector:

@@ -20,6 +20,8 @@ from typing import Any, Final
 import numpy as np
 import pinocchio as pin
 
+from skillplan.robots.arm_description import ArmDescription
+from skillplan.robots.link_frames import follow
 from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies, Vector
@@ -101,11 +103,18 @@ class JointSpace:
     reach_m
         Maximum distance from a joint's axis to a point that it moves, > 0, shape (joints,): the
         weight of the joint in a distance.
+    arm
+        Description of an arm in which joints follow others, None for other arms.
     """
 
     low_rad: Vector
     high_rad: Vector
     reach_m: Vector
+    arm: ArmDescription | None = None
+
+    def follow(self, joints_rad: Vector) -> Vector:
+        """Return a posture with each following joint where its leader puts it."""
+        return joints_rad if self.arm is None else follow(self.arm, joints_rad)
 
     def length_m(self, begin_rad: Vector, end_rad: Vector) -> float:
         """Return the distance between two postures [m]."""
@@ -150,7 +159,8 @@ def find_connection(
     def checked(state: Any) -> bool:
         nonlocal count
         count += 1
-        return is_free(np.array([state[joint] for joint in range(joints)]) / space.reach_m)
+        posture = np.array([state[joint] for joint in range(joints)]) / space.reach_m
+        return is_free(space.follow(posture))
 
     util.RNG.setSeed(seed)
     states = base.RealVectorStateSpace(joints)
@@ -179,7 +189,10 @@ def find_connection(
     if not problem.hasExactSolution():
         return None, count
     inner = problem.getSolutionPath().getStates()[1:-1]
-    nodes = [np.array([state[joint] for joint in range(joints)]) / space.reach_m for state in inner]
+    nodes = [
+        space.follow(np.array([state[joint] for joint in range(joints)]) / space.reach_m)
+        for state in inner
+    ]
     return [ends_rad[0], *nodes, ends_rad[1]], count
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any, Final
 
@@ -56,6 +57,8 @@ class TravelPlanner:
         self.sweeps = sweeps
         self._links = build_arm_solids(arm) if check_arm else ()
         space = build_joint_space(arm.model, arm.low_rad, arm.high_rad)
+        if arm.serial.coupling is not None:
+            space = replace(space, arm=arm.description)
         self._search = TravelSearch(obstacles, space, most_checks)
 
     @classmethod

@@ -79,6 +79,9 @@ class LinkBounds:
 
 def _collect_points(pieces: Sequence[LinkShape]) -> tuple[Vector, Vector]:
     """Return points of a link and their distance from its surface [m], shape (n, 3) and (n, 1)."""
+    if not pieces:
+        # Nothing of it can touch; the origin keeps one box per link.
+        return np.zeros((1, 3)), np.zeros((1, 1))
     points: list[tuple[float, float, float]] = []
     radii: list[float] = []
     for piece in pieces:
