@@ -408,6 +408,7 @@ SMALL_MODULES = {
     "skillplan.views.figures.arm_figure": "one module for each figure",
     "skillplan.views.figures.profile_figure": "one module for each figure",
     "skillplan.views.tables.arm": "loaded if `check` describes a robot alone",
+    "skillplan.solvers.mdp.tabular_solver": "enumerates; its importer sweeps over the arrays",
     "skillplan_optuna.journal_file": "checks a file; the sampler chooses settings",
     "skillplan_ortools.watched_search": "the only module that imports OR-Tools",
     "skillplan_pinocchio.timing.toppra_problem": "the only import of toppra, if needed",

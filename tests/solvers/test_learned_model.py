@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from situations import retry_task, two_places_task, two_roads_task
+from situations import retry_task, two_roads_task
 from skillplan.env import SkillVectorEnv
 from skillplan.pipeline import load_problem, make_model, make_solver, solve
 from skillplan.solvers import (
@@ -106,11 +106,6 @@ def test_chance_is_explored_and_said():
     result = solve(retry_task(0.5), make_solver("learned-model", {"steps": 300}))
     assert result.cost == pytest.approx(4.0)
     assert "without chance" in result.trace["fallback"]
-
-
-def test_chance_that_depends_on_the_state_is_learned():
-    result = solve(two_places_task(), make_solver("learned-model", {"steps": 2_000}))
-    assert result.cost == pytest.approx(1 + 1 / 0.9)
 
 
 def test_the_cheaper_of_two_roads_is_learned():

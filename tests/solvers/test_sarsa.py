@@ -24,10 +24,16 @@ class TestExpectedSarsaSolver(SolverSuite):
 
 def test_the_defaults_are_the_parameters_of_the_paper():
     options = SarsaSolver().options
-    result = (options.gamma, options.alpha, options.epsilon, options.episodes)
-    assert result == (0.999, 0.1, 0.1, 35_000)
-    assert options.alpha_end is None
-    assert options.epsilon_end is None
+    assert (options.gamma, options.alpha, options.alpha_end) == (0.999, 0.1, None)
+    derived = SarsaSolver().derived([base_task(66, 42)])
+    assert derived == {
+        "episodes": 35_000,
+        "starts": "exploring",
+        "optimistic": False,
+        "alpha_end": 0.1,
+        "epsilon": 0.1,
+        "epsilon_end": 0.1,
+    }
 
 
 @pytest.mark.parametrize(

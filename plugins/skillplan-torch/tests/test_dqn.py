@@ -13,7 +13,7 @@ from deep_learner_suite import DeepLearnerSuite, assert_same, places
 from deep_learner_suite import begun as begun_for
 from deep_learner_suite import resumed as resumed_for
 from example_count import examples
-from situations import make_skill, make_task, retry_task, two_places_task, two_roads_task
+from situations import make_skill, make_task, retry_task, two_roads_task
 from skillplan import load_problem
 from skillplan.env import GOES_ON, OUT_OF_TIME, Observation
 from skillplan.errors import OptionError
@@ -160,11 +160,6 @@ class TestLearning:
 
     def test_a_skill_that_may_fail_is_tried_again(self):
         assert solve(retry_task(0.5), solver(steps=300)).cost == pytest.approx(4.0)
-
-    def test_chance_that_depends_on_the_state_is_learned(self):
-        """To go first, and to try where it succeeds in 9 of 10 tries."""
-        found = solve(two_places_task(), solver(steps=1_500, updates=1.0))
-        assert found.cost == pytest.approx(1 + 1 / 0.9)
 
     def test_values_come_to_the_discounted_returns(self):
         """With 4 for completing, and 3 for as many usual steps as the limit allows."""

@@ -7,9 +7,6 @@ from .learned_model.plan_search import Words as Words
 from .learned_model.planned_episodes import PlannedEpisodes as PlannedEpisodes
 from .learned_model.solver import LearnedModelSolver as LearnedModelSolver
 from .learned_model.solver import LearnedModelTraining as LearnedModelTraining
-from .learning.episode_kernels import Environment as Environment
-from .learning.episode_kernels import Schedule as Schedule
-from .learning.episode_kernels import monte_carlo_episodes as monte_carlo_episodes
 from .learning.episode_kernels import random_bits as random_bits
 from .learning.episode_training import BestPolicies as BestPolicies
 from .learning.episode_training import CompletedEpisode as CompletedEpisode
@@ -35,8 +32,8 @@ from .learning.network_policy import random_actions as random_actions
 from .learning.observation_counts import ObservationCounts as ObservationCounts
 from .learning.observation_counts import double_rows as double_rows
 from .learning.observation_counts import take_rows as take_rows
+from .learning.tabular import EpisodicSolver as EpisodicSolver
 from .learning.tabular import SarsaSolver as SarsaSolver
-from .learning.tabular import greedy_rows as greedy_rows
 from .search.csp import CspSolver as CspSolver
 from .search.exact import ExactSolver as ExactSolver
 from .search.exhaustive import ExhaustiveSolver as ExhaustiveSolver
@@ -63,8 +60,8 @@ __all__ = [
     "Conditions",
     "CspSolver",
     "End",
-    "Environment",
     "Episode",
+    "EpisodicSolver",
     "ExactSolver",
     "ExhaustiveSolver",
     "FamilyLesson",
@@ -84,7 +81,6 @@ __all__ = [
     "Policy",
     "Progress",
     "SarsaSolver",
-    "Schedule",
     "Snapshot",
     "Solution",
     "Solver",
@@ -98,10 +94,8 @@ __all__ = [
     "convert_to_units",
     "deviation",
     "double_rows",
-    "greedy_rows",
     "is_certain",
     "lookup_network",
-    "monte_carlo_episodes",
     "random_actions",
     "random_bits",
     "reachable_policy",

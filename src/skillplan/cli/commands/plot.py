@@ -40,6 +40,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.domains.load import Problem
     from skillplan.pipeline.restoration import LoadedResult
     from skillplan.solvers.stop import Stop
+    from skillplan.task.task import Task
 
 # Time limit for proving the optimum of a training that has none yet [s].
 _PROOF_S = 10.0
@@ -292,7 +293,6 @@ def _draw(
     """Draw a figure from new searches or from a stored result."""
     from skillplan.cli.output import exit_code
     from skillplan.cli.waiting import stoppable
-    from skillplan.pipeline.registry import load, make_options
     from skillplan.records.result import Status
     from skillplan.views.figures.figure_file import DOT, check_path, save_content, save_figure
     from skillplan.views.figures.figure_request import FigureRequest, Outcome
@@ -312,7 +312,7 @@ def _draw(
         part,
         tuple(requested.states),
         solving.seeds,
-        make_options("solver", solver, load("solver", solver), options).model_dump(),
+        _list_parameters(solver, options, problem.tasks[-1]),
         _make_chart_deriver(problem, part, back_ends),
     )
     outcomes = []
@@ -336,6 +336,15 @@ def _draw(
         save_figure(module.draw(request, outcomes), path, requested.file.dpi)
     write_out(f"{path}\n")
     return 0
+
+
+def _list_parameters(solver: str, options: dict[str, Any], task: Task) -> dict[str, Any]:
+    """Return all options of a solver, with values that it derives from the task."""
+    from skillplan.pipeline.solving import make_solver
+
+    made: Any = make_solver(solver, options)
+    derived = made.derived([task]) if hasattr(made, "derived") else {}
+    return {**made.options.model_dump(), **derived}
 
 
 def _list_film_suffixes(module: Any) -> tuple[str, ...]:

@@ -1,9 +1,10 @@
 """Kernels of tabular control: TD(0) updates of SARSA and Q-learning, and first-visit Monte Carlo.
 
 Sutton and Barto, "Reinforcement Learning: An Introduction" (2018), sections 5.3, 6.4 and 6.5;
-Veeramani and Muthuswamy, Table 2. Random numbers come from the kernels' own generator, so that a
-seed gives the same result with every version of every library. All kernels are in one file because
-numba does not notice changes in functions of other files.
+Veeramani and Muthuswamy, Table 2. A kernel returns when it takes an action for the first time: the
+caller samples the environment, and the next call resumes the episode. Random numbers come from the
+kernels' own generator, so that a seed gives the same result with every version of every library.
+All kernels are in one file because numba does not notice changes in functions of other files.
 """
 
 from __future__ import annotations
@@ -21,6 +22,12 @@ Stream = NDArray[np.uint64]
 
 # The target of a temporal difference: the update rule of `td_episodes`.
 SARSA, EXPECTED_SARSA, Q_LEARNING = 0, 1, 2
+UNTRIED = -1
+"""Outcome of a row that has not been taken yet."""
+# Entries of `Progress.cursor`.
+EPISODE, STATE, ROW, STEPS, GREEDY, CHEAPEST_STEPS, FAILED, COMPLETED, CUT = range(9)
+# How an episode ends in a state: by `Tables.ends`.
+GOES_ON, COMPLETE, FAILURE = 0, 1, 2
 
 # SplitMix64: Steele, Lea and Flood, "Fast splittable pseudorandom number generators" (2014).
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -29,31 +36,72 @@ _MIX_2 = np.uint64(0x94D049BB133111EB)
 _S11, _S27, _S30, _S31, _S32 = (np.uint64(shift) for shift in (11, 27, 30, 31, 32))
 
 
-class Environment(NamedTuple):
-    """The environment of episodes; offsets as in `TabularMDP`.
+class Tables(NamedTuple):
+    """The states, rows and outcomes met so far; arrays may be longer than what is known.
+
+    A row is a state and an action that the mask allows there. Rows are grouped by state.
 
     Parameters
     ----------
-    rows, outcomes, successors, probabilities
-        Those of a `TabularMDP`.
-    rewards
-        Reward of every outcome, shape (k,).
-    ends
-        True for states in which an episode ends, shape (n,).
-    final
-        Value of a state in which an episode ends, shape (n,): 0 at the goal.
+    rows
+        Rows of state i are ``rows[i]`` to ``rows[i + 1]``.
+    ends, final
+        Kind of end of an episode in a state, and the value of an end.
+    best
+        Row of the largest value by state; of equals, the lowest.
     starts
-        States in which an episode may begin, at least one.
+        States in which an episode may begin; the task's start comes first.
+    counts
+        Number of states, and of starts.
+    owners, q, seen
+        State of every row; its value; scratch, the step at which it was first taken in an episode,
+        or -1.
+    outcomes, last_outcomes, costs
+        First outcome of every row, or `UNTRIED`; last outcome; cost.
+    successors, probabilities, rewards
+        State, probability and reward of every outcome.
     """
 
     rows: Integers
+    ends: Integers
+    final: Floats
+    best: Integers
+    starts: Integers
+    counts: Integers
+    owners: Integers
+    q: Floats
+    seen: Integers
     outcomes: Integers
+    last_outcomes: Integers
+    costs: Floats
     successors: Integers
     probabilities: Floats
     rewards: Floats
-    ends: NDArray[np.bool_]
-    final: Floats
-    starts: Integers
+
+
+class Progress(NamedTuple):
+    """The episode in progress, and totals of all episodes.
+
+    Parameters
+    ----------
+    stream
+        State of the random generator, shape (1,).
+    cursor
+        Episode of this call, state, row or -1 between episodes, steps, 1 if all its actions were
+        greedy and it began at the task's start; steps of the cheapest such episode that completed,
+        0 without one; numbers of episodes that failed, completed or were cut off.
+    spent
+        Cost of the episode, and of the cheapest greedy one.
+    taken, received, cheapest
+        Rows and rewards of the episode, rows of the cheapest greedy one, shape (max_steps,).
+    """
+
+    stream: Stream
+    cursor: Integers
+    spent: Floats
+    taken: Integers
+    received: Floats
+    cheapest: Integers
 
 
 class Schedule(NamedTuple):
@@ -123,9 +171,8 @@ def _explore(rows: Integers, state: int, best: int, epsilon: float, stream: Stre
 
 
 @compiled
-def _outcome(outcomes: Integers, probabilities: Floats, row: int, stream: Stream) -> int:
-    """Return the outcome of taking a row, drawn only where there are several."""
-    outcome, last = outcomes[row], outcomes[row + 1] - 1
+def _draw(outcome: int, last: int, probabilities: Floats, stream: Stream) -> int:
+    """Return an outcome between a row's first and last one, drawn only if there are several."""
     if outcome < last:
         left = _uniform(stream) - probabilities[outcome]
         while left >= 0.0 and outcome < last:
@@ -136,55 +183,70 @@ def _outcome(outcomes: Integers, probabilities: Floats, row: int, stream: Stream
 
 @compiled
 def td_episodes(
-    env: Environment,
+    tables: Tables,
     schedule: Schedule,
     rule: int,
     previous: int,
-    q: Floats,
-    stream: Stream,
+    progress: Progress,
     lengths: Integers,
-) -> None:
-    """Run `len(lengths)` episodes with a TD(0) update after every step.
+) -> int:
+    """Run episodes with a TD(0) update after every step, until an untried row is taken.
 
     Parameters
     ----------
-    env
-        An `Environment`.
+    tables
+        The tables; values and best rows change.
     schedule
         A `Schedule`.
     rule
         `SARSA`, `EXPECTED_SARSA` or `Q_LEARNING`.
     previous
-        Episodes run before.
-    q
-        Value of every row, shape (m,); changed.
-    stream
-        State of the generator, shape (1,); changed.
+        Episodes run before those of `lengths`.
+    progress
+        The episode in progress; changed.
     lengths
         Filled with the steps of every episode.
+
+    Returns
+    -------
+    int
+        The untried row; -1 if all episodes of `lengths` have ended.
     """
     # Unpacked here: passing tuples on makes numba count references, four times as slow.
-    rows, outcomes, successors, probabilities, rewards, ends, final, starts = env
+    rows, ends, final, best, starts, counts, _, q, _, outcomes = tables[:10]
+    last_outcomes, costs, successors, probabilities, rewards = tables[10:]
+    stream, cursor, spent, taken, _, cheapest = progress
     gamma, max_steps = schedule.gamma, schedule.max_steps
-    best = np.empty(len(ends), dtype=np.int64)
-    for state in range(len(ends)):
-        if not ends[state]:
-            best[state] = _greedy(q, rows[state], rows[state + 1])
-    for episode in range(len(lengths)):
+    n_starts, first_start = counts[1], starts[0]
+    state, row, steps = cursor[STATE], cursor[ROW], cursor[STEPS]
+    greedy, cost = cursor[GREEDY] == 1, spent[0]
+    for episode in range(cursor[EPISODE], len(lengths)):
         alpha = schedule.alpha + schedule.alpha_change * (previous + episode)
         epsilon = schedule.epsilon + schedule.epsilon_change * (previous + episode)
-        state = starts[_below(stream, len(starts))]
-        row = _explore(rows, state, best[state], epsilon, stream)
-        steps = 0
+        if row < 0:
+            state = starts[_below(stream, n_starts)]
+            row = _explore(rows, state, best[state], epsilon, stream)
+            steps, cost = 0, 0.0
+            greedy = state == first_start and row == best[state]
+        end = GOES_ON
         while steps < max_steps:
-            steps += 1
-            outcome = _outcome(outcomes, probabilities, row, stream)
+            outcome = outcomes[row]
+            if outcome == UNTRIED:
+                cursor[EPISODE], cursor[STATE], cursor[ROW] = episode, state, row
+                cursor[STEPS], cursor[GREEDY], spent[0] = steps, 1 if greedy else 0, cost
+                return int(row)
+            outcome = _draw(outcome, last_outcomes[row], probabilities, stream)
             following = successors[outcome]
-            taken, before = row, q[row]
-            if ends[following]:
+            last, before = row, q[row]
+            taken[steps] = last
+            cost += costs[last]
+            steps += 1
+            end = ends[following]
+            if end != GOES_ON:
                 ahead = final[following]
             else:
                 row = _explore(rows, following, best[following], epsilon, stream)
+                greedy = greedy and row == best[following]
                 if rule == SARSA:
                     ahead = q[row]
                 elif rule == Q_LEARNING:
@@ -193,76 +255,114 @@ def td_episodes(
                     mean = q[rows[following] : rows[following + 1]].mean()
                     ahead = (1.0 - epsilon) * q[best[following]] + epsilon * mean
             value = before + alpha * (rewards[outcome] + gamma * ahead - before)
-            q[taken] = value
+            q[last] = value
             # Most updates do not change the best row, so that it need not be searched for.
-            if taken == best[state]:
+            if last == best[state]:
                 if value < before:
                     best[state] = _greedy(q, rows[state], rows[state + 1])
             else:
                 most = q[best[state]]
-                if value > most or (value == most and taken < best[state]):
-                    best[state] = taken
-            if ends[following]:
+                if value > most or (value == most and last < best[state]):
+                    best[state] = last
+            if end != GOES_ON:
                 break
             state = following
         lengths[episode] = steps
+        cursor[CUT - end] += 1
+        if end == COMPLETE and greedy and (cursor[CHEAPEST_STEPS] == 0 or cost < spent[1]):
+            cursor[CHEAPEST_STEPS], spent[1] = steps, cost
+            cheapest[:steps] = taken[:steps]
+        row = -1
+    cursor[EPISODE], cursor[ROW] = len(lengths), -1
+    return UNTRIED
 
 
 @compiled
 def monte_carlo_episodes(
-    env: Environment,
+    tables: Tables,
     schedule: Schedule,
+    exploring: bool,
     previous: int,
-    q: Floats,
-    seen: Integers,
-    taken: Integers,
-    received: Floats,
-    stream: Stream,
+    progress: Progress,
     lengths: Integers,
-) -> None:
-    """Run `len(lengths)` episodes of Monte Carlo control, with updates after each of them.
+) -> int:
+    """Run episodes of first-visit Monte Carlo control, until an untried row is taken.
 
-    First-visit Monte Carlo control with exploring starts: an episode begins with a random row of
-    a random state, and values are moved towards the return that followed the first visit of each
-    row.
+    After an episode, values move towards the return that followed the first visit of each row. The
+    return of an episode that was cut off continues with the value of the state it had reached.
 
     Parameters
     ----------
-    env, schedule, previous, q, stream, lengths
+    exploring
+        True if an episode begins with a random row of its first state.
+    tables, schedule, previous, progress, lengths
         As in `td_episodes`.
-    seen
-        Scratch, shape (m,): the step at which a row was first taken in this episode, -1 outside.
-    taken, received
-        Scratch for the rows and rewards of an episode, shape (max_steps,).
+
+    Returns
+    -------
+    int
+        The untried row; -1 if all episodes of `lengths` have ended.
     """
-    rows, outcomes, successors, probabilities, rewards, ends, final, starts = env
+    rows, ends, final, best, starts, counts, owners, q, seen, outcomes = tables[:10]
+    last_outcomes, costs, successors, probabilities, rewards = tables[10:]
+    stream, cursor, spent, taken, received, cheapest = progress
     gamma, max_steps = schedule.gamma, schedule.max_steps
-    for episode in range(len(lengths)):
+    n_starts, first_start = counts[1], starts[0]
+    state, row, steps = cursor[STATE], cursor[ROW], cursor[STEPS]
+    greedy, cost = cursor[GREEDY] == 1, spent[0]
+    for episode in range(cursor[EPISODE], len(lengths)):
         alpha = schedule.alpha + schedule.alpha_change * (previous + episode)
         epsilon = schedule.epsilon + schedule.epsilon_change * (previous + episode)
-        state = starts[_below(stream, len(starts))]
-        first, end = rows[state], rows[state + 1]
-        row = first + _below(stream, end - first)
-        steps = 0
-        value = 0.0
+        if row < 0:
+            state = starts[_below(stream, n_starts)]
+            if exploring:
+                row = rows[state] + _below(stream, rows[state + 1] - rows[state])
+            else:
+                row = _explore(rows, state, best[state], epsilon, stream)
+            steps, cost = 0, 0.0
+            greedy = state == first_start and row == best[state]
+        end = GOES_ON
         while True:
-            outcome = _outcome(outcomes, probabilities, row, stream)
+            outcome = outcomes[row]
+            if outcome == UNTRIED:
+                cursor[EPISODE], cursor[STATE], cursor[ROW] = episode, state, row
+                cursor[STEPS], cursor[GREEDY], spent[0] = steps, 1 if greedy else 0, cost
+                return int(row)
+            outcome = _draw(outcome, last_outcomes[row], probabilities, stream)
             taken[steps], received[steps] = row, rewards[outcome]
+            cost += costs[row]
             if seen[row] < 0:
                 seen[row] = steps
             steps += 1
             state = successors[outcome]
-            if ends[state]:
+            end = ends[state]
+            if end != GOES_ON:
                 value = final[state]
                 break
             if steps == max_steps:
+                value = q[best[state]]
                 break
-            best = _greedy(q, rows[state], rows[state + 1])
-            row = _explore(rows, state, best, epsilon, stream)
+            row = _explore(rows, state, best[state], epsilon, stream)
+            greedy = greedy and row == best[state]
+        lengths[episode] = steps
+        cursor[CUT - end] += 1
+        if end == COMPLETE and greedy and (cursor[CHEAPEST_STEPS] == 0 or cost < spent[1]):
+            cursor[CHEAPEST_STEPS], spent[1] = steps, cost
+            cheapest[:steps] = taken[:steps]
         for step in range(steps - 1, -1, -1):
             value = received[step] + gamma * value
             row = taken[step]
             if seen[row] == step:
-                q[row] += alpha * (value - q[row])
                 seen[row] = -1
-        lengths[episode] = steps
+                state, before = owners[row], q[row]
+                q[row] = before + alpha * (value - before)
+                if row == best[state]:
+                    if q[row] < before:
+                        best[state] = _greedy(q, rows[state], rows[state + 1])
+                else:
+                    most = q[best[state]]
+                    if q[row] > most or (q[row] == most and row < best[state]):
+                        best[state] = row
+        row = -1
+    cursor[EPISODE], cursor[ROW] = len(lengths), -1
+    return UNTRIED

@@ -1,50 +1,73 @@
-"""Tabular learners: SARSA, Q-learning and Monte Carlo control on the MDP of a task.
+"""Tabular learners: SARSA, Q-learning and Monte Carlo control on sampled episodes of a task.
 
-Their updates are in `episode_kernels`, one kernel for the temporal differences and one for Monte
-Carlo. Sutton and Barto, "Reinforcement Learning: An Introduction" (2018), sections 5.3 and 6.4 to
-6.6; Veeramani and Muthuswamy, Table 2 and Eq. 10.
+A learner samples episodes; its table holds the states and actions that they met. Whether an action
+is feasible it sees by taking it, unless the mask shows it. Updates are in `episode_kernels`, one
+kernel for the temporal differences and one for Monte Carlo. Sutton and Barto, "Reinforcement
+Learning: An Introduction" (2018), sections 5.3, 5.4 and 6.4 to 6.6; Veeramani and Muthuswamy,
+Table 2 and Eq. 10.
 """
 
 from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from skillplan.model.skill_model import SkillModel
-from skillplan.model.tabular_mdp import TabularMDP
+from skillplan.model.tabular_mdp import DEFAULT_LIMIT
 from skillplan.solvers.learning import episode_kernels
 from skillplan.solvers.learning.episode_kernels import (
+    CHEAPEST_STEPS,
+    EPISODE,
     EXPECTED_SARSA,
+    FAILED,
     Q_LEARNING,
     SARSA,
-    Environment,
+    UNTRIED,
+    Progress,
     Schedule,
+    Tables,
 )
-from skillplan.solvers.mdp.tabular_solver import (
-    TabularOptions,
-    TabularSolver,
-    build_policy,
-    build_rewards,
-)
-from skillplan.solvers.solution import Policy, Solution
+from skillplan.solvers.learning.sampled_table import SampledTable
+from skillplan.solvers.solution import Plan, Policy, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+from skillplan.task.task import Task
 
 # Episodes between two polls of the stop: about a millisecond on a small task.
 _CHUNK = 1_000
+_EPISODES_PER_START, _BY_CHANCE = 450, 8
+_ROUND = 1_000
+_FEWEST_EPISODES, _MOST_EPISODES = 5_000, 1_000_000
 
-Values = NDArray[np.float64]
-Stream = NDArray[np.uint64]
 Lengths = NDArray[np.int64]
 
 
-class EpisodicOptions(TabularOptions):
+class EpisodicOptions(back_end.Options):
     """Options of every tabular learner; defaults as in the paper."""
 
-    episodes: int = Field(default=35_000, ge=1, le=100_000_000, description="episodes to run [-]")
+    episodes: int | None = Field(
+        default=None,
+        ge=1,
+        le=100_000_000,
+        description="episodes to run; null to derive them from the task [-]",
+    )
+    starts: Literal["task", "exploring"] | None = Field(
+        default=None,
+        description="first states of episodes: task, the task's start; exploring, any state met "
+        "and all starts that the task lists, at random; null for exploring if it lists any, else "
+        "for task [-]",
+    )
+    mask: Literal["none", "applicable", "feasible"] = Field(
+        default="applicable",
+        description="mask of the actions: none; applicable, skills whose preconditions hold; "
+        "feasible, skills that back ends allow, which are queried for all of them [-]",
+    )
     gamma: float = Field(
         default=0.999, ge=0.0, le=1.0, description="discount factor of later rewards [-]"
     )
@@ -57,18 +80,25 @@ class EpisodicOptions(TabularOptions):
         le=1.0,
         description="step size in the last episode, approached linearly; null for alpha [-]",
     )
-    epsilon: float = Field(
-        default=0.1,
+    epsilon: float | None = Field(
+        default=None,
         ge=0.0,
         le=1.0,
-        description="probability of a random action, in the first episode [-]",
+        description="probability of a random action, in the first episode; null for 0.1 "
+        "(q-learning 0.3), but 0 for optimistic values in a task without chance [-]",
     )
     epsilon_end: float | None = Field(
         default=None,
         ge=0.0,
         le=1.0,
         description="that probability in the last episode, approached linearly; null for "
-        "epsilon [-]",
+        "epsilon with exploring starts, and for q-learning under chance; else for 0 [-]",
+    )
+    optimistic: bool | None = Field(
+        default=None,
+        description="begin with the value of completing the task for every action, so that "
+        "all actions that might be better are tried; null for true (monte-carlo false), but "
+        "false with exploring starts [-]",
     )
     max_steps: int = Field(
         default=1_000, ge=1, le=1_000_000, description="steps after which an episode is cut off [-]"
@@ -89,6 +119,13 @@ class EpisodicOptions(TabularOptions):
         description="facts, separated by commas; records the values of all skills in the states "
         "in which one of them holds [-]",
     )
+    max_states: int = Field(
+        default=DEFAULT_LIMIT,
+        ge=1,
+        le=10_000_000,
+        description="greatest number of states in the table, about 1 kB each; learning ends "
+        "there [-]",
+    )
 
 
 class FallingStepOptions(EpisodicOptions):
@@ -98,84 +135,270 @@ class FallingStepOptions(EpisodicOptions):
         default=0.5, gt=0.0, le=1.0, description="step size of an update, in the first episode [-]"
     )
     alpha_end: float | None = Field(
-        default=0.1,
+        default=None,
         ge=0.0,
         le=1.0,
-        description="step size in the last episode, approached linearly; null for alpha [-]",
+        description="step size in the last episode, approached linearly; null for 0.1, but 0.01 "
+        "under chance [-]",
     )
 
 
-class EpisodicSolver(TabularSolver):
-    """Learns action values from random episodes that begin in any state."""
+class EpisodicSolver(Solver):
+    """Learns action values from episodes that it samples; the model is not enumerated."""
 
-    Options = EpisodicOptions
+    Options: ClassVar[type[BaseModel]] = EpisodicOptions
     options: EpisodicOptions
+    polls = True
+    # Defaults of `optimistic`, `epsilon` and `episodes`, if the task calls for no other ones.
+    usually_optimistic: ClassVar[bool] = True
+    usual_epsilon: ClassVar[float] = 0.1
+    episodes_per_pair: ClassVar[int] = 100
+    # True if step sizes fall.
+    step_falls: ClassVar[bool] = False
+    # True if targets do not depend on exploration, which may then go on under chance.
+    off_policy: ClassVar[bool] = False
 
     @abstractmethod
     def run_episodes(
         self,
-        env: Environment,
+        tables: Tables,
         schedule: Schedule,
         previous: int,
-        q: Values,
-        stream: Stream,
+        progress: Progress,
         lengths: Lengths,
-    ) -> None:
-        """Run `len(lengths)` episodes; arguments as for `episode_kernels.td_episodes`."""
+        *,
+        exploring: bool,
+    ) -> int:
+        """Run episodes; arguments and result as for `episode_kernels.monte_carlo_episodes`."""
+
+    def derived(self, tasks: Sequence[Task]) -> dict[str, Any]:
+        """Return the values of options that are null, derived from the task.
+
+        Parameters
+        ----------
+        tasks
+            The task, alone.
+        """
+        options, task = self.options, tasks[0]
+        starts = options.starts or ("exploring" if task.starts else "task")
+        optimistic = options.optimistic
+        if optimistic is None:
+            optimistic = self.usually_optimistic and starts == "task"
+        epsilon = options.epsilon
+        if epsilon is None:
+            epsilon = 0.0 if optimistic and task.deterministic else self.usual_epsilon
+        keeps_exploring = starts == "exploring" or (self.off_policy and not task.deterministic)
+        usual_alpha_end = 0.1 if task.deterministic else 0.01
+        values = {
+            "episodes": usual_episodes(task, starts, self.episodes_per_pair),
+            "starts": starts,
+            "optimistic": optimistic,
+            "alpha_end": usual_alpha_end if self.step_falls else options.alpha,
+            "epsilon": epsilon,
+            "epsilon_end": epsilon if keeps_exploring else 0.0,
+        }
+        return {name: value for name, value in values.items() if getattr(options, name) is None}
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Learn, and return the greedy policy for all states."""
-        mdp = self.mdp(model)
-        env = self._environment(model, mdp)
-        if not len(env.starts):
-            return Solution(Policy({}), trace=self.figures(mdp, 0, 0.0))
-        schedule = self._schedule()
-        q = np.zeros(len(mdp.actions))
-        stream = np.array([seed % 2**64], dtype=np.uint64)
-        lengths = np.zeros(self.options.episodes, dtype=np.int64)
-        record = _Record(model, mdp, self.options)
+        """Learn, and return the greedy policy for all states met."""
+        derived = self.derived([model.task])
+        options = self.options.model_copy(update=derived)
+        run = _Run(model, options, seed)
         # Compile the kernel before time is measured; no episode is run.
-        self.run_episodes(env, schedule, 0, q, stream, lengths[:0])
-        done, learning_s = 0, 0.0
-        while done < len(lengths) and not self.stop():
-            record.add_point(done, q)
-            end = min(done + _CHUNK, len(lengths), record.next_point(done))
+        self._advance(run, 0)
+        begin_s = time.perf_counter()
+        while run.goes_on and not self.stop():
+            run.record.add_point(run.done, run.table)
+            self._advance(run, min(_CHUNK, run.record.next_point(run.done) - run.done))
+            plan = run.cheapest_plan()
+            if plan is not None:
+                self.stop.incumbent(plan)
+        run.record.add_point(run.done, run.table)
+        learning_s = time.perf_counter() - begin_s
+        trace = run.figures() | {
+            "derived": derived,
+            "learning_s": learning_s - run.sampling_s,
+            "sampling_s": run.sampling_s,
+            "ended": self.stop.reason or ("finished" if run.is_finished else "table full"),
+            **run.record.trace(),
+        }
+        trace |= run.describe(derived)
+        return Solution(None if "reason" in trace else run.policy(), trace=trace)
+
+    def _advance(self, run: _Run, episodes: int) -> None:
+        """Run at most `episodes` episodes, and sample the actions that they take first."""
+        exploring = run.options.starts == "exploring"
+        lengths = np.zeros(min(episodes, run.left), dtype=np.int64)
+        run.progress.cursor[EPISODE] = 0
+        while True:
+            row = self.run_episodes(
+                run.table.tables, run.schedule, run.done, run.progress, lengths, exploring=exploring
+            )
+            if row == UNTRIED or self.stop() or run.is_full:
+                break
             begin_s = time.perf_counter()
-            self.run_episodes(env, schedule, done, q, stream, lengths[done:end])
-            learning_s += time.perf_counter() - begin_s
-            done = end
-        record.add_point(done, q)
-        trace = {**self.figures(mdp, done, learning_s), **record.trace(lengths)}
-        trace["steps"] = int(lengths.sum())
-        return Solution(build_policy(model, mdp, greedy_rows(mdp, q)), trace=trace)
+            run.table.take(row)
+            run.sampling_s += time.perf_counter() - begin_s
+        run.add_lengths(lengths[: run.progress.cursor[EPISODE]])
 
-    def _environment(self, model: SkillModel, mdp: TabularMDP) -> Environment:
-        choices = np.diff(mdp.rows)
-        rewards = build_rewards(model, mdp, self.options.objective)
-        return Environment(
-            mdp.rows,
-            mdp.outcomes,
-            mdp.successors,
-            mdp.probabilities,
-            rewards.rewards,
-            choices == 0,
-            np.where(mdp.goal, 0.0, rewards.stuck),
-            np.flatnonzero(choices),
-        )
 
-    def _schedule(self) -> Schedule:
-        options = self.options
-        last = max(1, options.episodes - 1)
-        alpha_end = options.alpha if options.alpha_end is None else options.alpha_end
-        epsilon_end = options.epsilon if options.epsilon_end is None else options.epsilon_end
-        return Schedule(
-            options.alpha,
-            (alpha_end - options.alpha) / last,
-            options.epsilon,
-            (epsilon_end - options.epsilon) / last,
-            options.gamma,
-            options.max_steps,
+class _Run:
+    """A run in progress: its tables, its figures, and the policy that it has learned."""
+
+    def __init__(self, model: SkillModel, options: EpisodicOptions, seed: int) -> None:
+        self.model, self.options = model, options
+        exploring = options.starts == "exploring"
+        self.table = SampledTable(
+            model,
+            options.mask,
+            options.objective,
+            exploring=exploring,
+            optimistic=bool(options.optimistic),
+            seed=seed,
         )
+        self.schedule = _make_schedule(options)
+        self.progress = Progress(
+            stream=np.array([seed % 2**64], dtype=np.uint64),
+            cursor=np.array([0, 0, -1, 0, 0, 0, 0, 0, 0]),
+            spent=np.zeros(2),
+            taken=np.zeros(options.max_steps, dtype=np.int64),
+            received=np.zeros(options.max_steps),
+            cheapest=np.zeros(options.max_steps, dtype=np.int64),
+        )
+        self.record = _Record(model, self.table, options)
+        self.done = self.steps = 0
+        self.sampling_s = 0.0
+
+    @property
+    def left(self) -> int:
+        """Number of episodes left."""
+        return int(self.options.episodes or 0) - self.done
+
+    @property
+    def is_full(self) -> bool:
+        """True if the table has as many states as it may have."""
+        return len(self.table) >= self.options.max_states
+
+    @property
+    def is_finished(self) -> bool:
+        """True if no episode is left, or none can begin."""
+        return self.left <= 0 or not self.table.tables.counts[1]
+
+    @property
+    def goes_on(self) -> bool:
+        """True if another episode can begin."""
+        return not self.is_finished and not self.is_full
+
+    def add_lengths(self, lengths: Lengths) -> None:
+        """Count episodes that have ended, by their steps."""
+        self.done += len(lengths)
+        self.steps += int(lengths.sum())
+        self.record.add_lengths(lengths)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures of the episodes and of the table."""
+        failed, completed, cut = self.progress.cursor[FAILED:].tolist()
+        plan = self.cheapest_plan()
+        return {
+            "starts": self.options.starts,
+            "states": len(self.table),
+            "actions_tried": self.table.tried,
+            "actions_seen": len(self.table.actions),
+            "iterations": self.done,
+            "steps": self.steps,
+            "completed": completed,
+            "failed": failed,
+            "cut_off": cut,
+            "best_cost_seen": None if plan is None else plan.cost,
+        }
+
+    def describe(self, derived: Mapping[str, Any]) -> dict[str, str]:
+        """Return a line about the episodes, and the reason if none completed the task."""
+        figures = self.figures()
+        source = " (derived from the task)" if "episodes" in derived else ""
+        origin = "any state met" if self.options.starts == "exploring" else "the task's start"
+        line = (
+            f"{self.done:,} of {self.options.episodes:,} episodes{source} from {origin}: "
+            f"{figures['completed']:,} complete, {figures['failed']:,} fail, "
+            f"{figures['cut_off']:,} cut off after {self.options.max_steps:,} steps; "
+            f"{figures['states']:,} states, {figures['actions_tried']:,} of "
+            f"{figures['actions_seen']:,} actions tried"
+        )
+        if figures["completed"] or not self.table.tables.counts[1]:
+            return {"learned": line}
+        reason = "no episode completed the task"
+        if self.is_full:
+            reason += f", and the table has max_states={self.options.max_states} states"
+        return {"learned": line, "reason": reason}
+
+    def cheapest_plan(self) -> Plan | None:
+        """Return the cheapest plan that an episode without exploration followed from the start.
+
+        None under chance, or if no such episode completed the task.
+        """
+        count = int(self.progress.cursor[CHEAPEST_STEPS])
+        if not count or not self.model.task.deterministic:
+            return None
+        if self.model.is_goal(self.model.initial):
+            return None
+        skills = self.model.task.skills
+        actions = [self.table.actions[row] for row in self.progress.cheapest[:count].tolist()]
+        return Plan(tuple(skills[a].name for a in actions), float(self.progress.spent[1]))
+
+    def policy(self) -> Policy:
+        """Return the greedy policy of the states met.
+
+        From a single start without chance, it follows the cheapest episode without exploration: the
+        best evaluated policy, as of every learner, also if the last values lead elsewhere.
+        """
+        table, skills = self.table, self.model.task.skills
+        chosen = table.greedy_rows()
+        plan = self.cheapest_plan()
+        if plan is not None and (self.options.starts == "task" or not self.model.task.starts):
+            for row in self.progress.cheapest[: len(plan)].tolist():
+                chosen[int(table.tables.owners[row])] = row
+        choices = {}
+        for number, row in chosen.items():
+            state = table.states[number]
+            assert state is not None
+            choices[state] = skills[table.actions[row]]
+        return Policy(choices)
+
+
+def usual_episodes(task: Task, starts: str, per_pair: int) -> int:
+    """Return the default number of episodes, in whole thousands.
+
+    Exploring starts take 450 for every start that the task lists, as the paper runs 35,000 from 78
+    positions. Otherwise it is proportional to the number of pairs of skills, and under chance
+    eight times as large.
+
+    Parameters
+    ----------
+    starts
+        ``task`` or ``exploring``.
+    per_pair
+        Episodes for every pair of skills, if the task lists no starts.
+    """
+    if starts == "exploring" and task.starts:
+        count = _EPISODES_PER_START * len({task.initial, *task.starts})
+    else:
+        count = per_pair * len(task.skills) ** 2 * (1 if task.deterministic else _BY_CHANCE)
+    return min(_MOST_EPISODES, max(_FEWEST_EPISODES, round(count / _ROUND) * _ROUND))
+
+
+def _make_schedule(options: EpisodicOptions) -> Schedule:
+    last = max(1, int(options.episodes or 1) - 1)
+    alpha_end = options.alpha if options.alpha_end is None else options.alpha_end
+    epsilon = options.epsilon or 0.0
+    epsilon_end = epsilon if options.epsilon_end is None else options.epsilon_end
+    return Schedule(
+        options.alpha,
+        (alpha_end - options.alpha) / last,
+        epsilon,
+        (epsilon_end - epsilon) / last,
+        options.gamma,
+        options.max_steps,
+    )
 
 
 class SarsaSolver(EpisodicSolver):
@@ -196,46 +419,46 @@ class SarsaSolver(EpisodicSolver):
 
     def run_episodes(
         self,
-        env: Environment,
+        tables: Tables,
         schedule: Schedule,
         previous: int,
-        q: Values,
-        stream: Stream,
+        progress: Progress,
         lengths: Lengths,
-    ) -> None:
+        *,
+        exploring: bool,
+    ) -> int:
         """Run episodes with the target r + gamma Q(s', a') of the next action taken."""
         rule = EXPECTED_SARSA if self.options.expected else SARSA
-        episode_kernels.td_episodes(env, schedule, rule, previous, q, stream, lengths)
+        return episode_kernels.td_episodes(tables, schedule, rule, previous, progress, lengths)
 
 
 class QLearningSolver(EpisodicSolver):
     """Learn a policy for all states step by step, off policy (Watkins, 1989)."""
 
     name = "q-learning"
+    usual_epsilon = 0.3
+    off_policy = True
+    step_falls = True
 
     class Options(FallingStepOptions):
         """Targets do not depend on exploration, so steps are larger than SARSA's."""
-
-        epsilon: float = Field(
-            default=0.3,
-            ge=0.0,
-            le=1.0,
-            description="probability of a random action, in the first episode [-]",
-        )
 
     options: Options
 
     def run_episodes(
         self,
-        env: Environment,
+        tables: Tables,
         schedule: Schedule,
         previous: int,
-        q: Values,
-        stream: Stream,
+        progress: Progress,
         lengths: Lengths,
-    ) -> None:
+        *,
+        exploring: bool,
+    ) -> int:
         """Run episodes with the target r + gamma max Q(s', a) over the next actions."""
-        episode_kernels.td_episodes(env, schedule, Q_LEARNING, previous, q, stream, lengths)
+        return episode_kernels.td_episodes(
+            tables, schedule, Q_LEARNING, previous, progress, lengths
+        )
 
 
 class MonteCarloSolver(EpisodicSolver):
@@ -248,6 +471,9 @@ class MonteCarloSolver(EpisodicSolver):
     """
 
     name = "monte-carlo"
+    usually_optimistic = False
+    episodes_per_pair = 200
+    step_falls = True
 
     class Options(FallingStepOptions):
         """The schedules are this project's, the rest is the paper's."""
@@ -271,94 +497,73 @@ class MonteCarloSolver(EpisodicSolver):
 
     def run_episodes(
         self,
-        env: Environment,
+        tables: Tables,
         schedule: Schedule,
         previous: int,
-        q: Values,
-        stream: Stream,
+        progress: Progress,
         lengths: Lengths,
-    ) -> None:
+        *,
+        exploring: bool,
+    ) -> int:
         """Run episodes, each followed by updates towards the returns after first visits."""
-        episode_kernels.monte_carlo_episodes(
-            env,
-            schedule,
-            previous,
-            q,
-            np.full(len(q), -1, dtype=np.int64),
-            np.empty(schedule.max_steps, dtype=np.int64),
-            np.empty(schedule.max_steps),
-            stream,
-            lengths,
+        return episode_kernels.monte_carlo_episodes(
+            tables, schedule, exploring, previous, progress, lengths
         )
-
-
-def greedy_rows(mdp: TabularMDP, q: Values) -> NDArray[np.int64]:
-    """Return the row of the largest value in every state; of equals the first, -1 for none.
-
-    Parameters
-    ----------
-    mdp
-        The n states and m rows.
-    q
-        Value of every row, shape (m,).
-    """
-    chosen = np.full(len(mdp.states), -1, dtype=np.int64)
-    choices = np.diff(mdp.rows)
-    states = np.flatnonzero(choices)
-    if len(states):
-        most = np.repeat(np.maximum.reduceat(q, mdp.rows[states]), choices[states])
-        rows = np.flatnonzero(q == most)
-        owners = np.repeat(states, choices[states])[rows]
-        chosen[owners[::-1]] = rows[::-1]  # of equals, the first is written last
-    return chosen
 
 
 class _Record:
     """Learning curves of a run: steps of the episodes, and values in watched states."""
 
-    def __init__(self, model: SkillModel, mdp: TabularMDP, options: EpisodicOptions) -> None:
-        points = min(options.record, options.episodes)
-        self._marks = [round(i * options.episodes / points) for i in range(1, points + 1)]
+    def __init__(self, model: SkillModel, table: SampledTable, options: EpisodicOptions) -> None:
+        episodes = int(options.episodes or 1)
+        points = min(options.record, episodes)
+        self._marks = [round(i * episodes / points) for i in range(1, points + 1)]
         self._episodes: list[int] = []
+        self._means: list[float] = []
+        self._lengths: list[int] = []
+        self._first_length = 0
         facts = [name.strip() for name in options.watch.split(",") if name.strip()]
-        watched = model.task.facts.none
+        self._watched = model.task.facts.none
         # The tasks of other stages of a chain have none of these facts.
         if not model.task.stage or any(fact in model.task.facts for fact in facts):
-            watched = model.task.facts.of(*facts)
+            self._watched = model.task.facts.of(*facts)
+        self._skills = [skill.name for skill in model.task.skills]
         self._values: dict[str, dict[str, list[float]]] = {}
-        self._rows: list[tuple[list[float], int]] = []
-        if not points:
-            return
-        for i, state in enumerate(mdp.states):
-            if state & watched:
-                curves = self._values[", ".join(state)] = {}
-                for row in range(mdp.rows[i], mdp.rows[i + 1]):
-                    curve = curves[model.task.skills[mdp.actions[row]].name] = []
-                    self._rows.append((curve, row))
 
     def next_point(self, done: int) -> int:
         """Return the episode of the next point."""
         return next((mark for mark in self._marks if mark > done), done + _CHUNK)
 
-    def add_point(self, done: int, q: Values) -> None:
-        """Keep the values if a point is due; `done` is the number of episodes."""
-        if done in self._marks and done not in self._episodes:
-            self._episodes.append(done)
-            for curve, row in self._rows:
-                curve.append(float(q[row]))
+    def add_lengths(self, lengths: Lengths) -> None:
+        """Add the steps of further episodes."""
+        if self._marks and len(lengths):
+            self._first_length = self._first_length or int(lengths[0])
+            self._lengths += [int(lengths.sum()), len(lengths)]
 
-    def trace(self, lengths: Lengths) -> dict[str, Any]:
+    def add_point(self, done: int, table: SampledTable) -> None:
+        """Keep the values if a point is due; `done` is the number of episodes."""
+        if done not in self._marks or done in self._episodes:
+            return
+        self._means.append(sum(self._lengths[::2]) / sum(self._lengths[1::2]))
+        self._lengths.clear()
+        for number, state in enumerate(table.states):
+            if state is not None and state & self._watched:
+                first, end = table.tables.rows[number : number + 2].tolist()
+                curves = self._values.setdefault(", ".join(state), {})
+                for row in range(first, end):
+                    curve = curves.setdefault(self._skills[table.actions[row]], [])
+                    # Values are 0 until a state is met.
+                    curve += [0.0] * (len(self._episodes) - len(curve))
+                    curve.append(float(table.tables.q[row]))
+        self._episodes.append(done)
+
+    def trace(self) -> dict[str, Any]:
         """Return the curves; steps are means over the episodes since the previous point."""
         if not self._marks:
             return {}
-        bounds = [0, *self._episodes]
-        means = [
-            float(lengths[begin:end].mean())
-            for begin, end in zip(bounds, self._episodes, strict=False)
-        ]
         curves: dict[str, Any] = {
             "episodes": self._episodes,
-            "steps_per_episode": means,
-            "steps_of_first_episode": int(lengths[0]),
+            "steps_per_episode": self._means,
+            "steps_of_first_episode": self._first_length,
         }
         return curves | ({"q_values": self._values} if self._values else {})

@@ -244,7 +244,9 @@ class FigureRequest:
 
     def details(self, *runs: Run, solver: str | None = None) -> str:
         """Return the task, solver, seed and options for the heading of a figure."""
-        chosen = {key: self.parameters[key] for key in _TOLD if key in self.parameters}
+        chosen = {
+            key: self.parameters[key] for key in _TOLD if self.parameters.get(key) is not None
+        }
         chosen |= {key: value for key, value in self.options.items() if key not in _UNTOLD}
         for run in runs:
             for key, value in run.options.items():

@@ -245,10 +245,12 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         title = task.name if start is None else f"{task.name}: {start} to {goal}"
         panels.append(LearningPanel(title, tuple(curves), _average_fewest(request, task)))
     repetitions = "1 run" if request.seeds == 1 else f"mean and range of {request.seeds} runs"
+    starts = {outcome.result.trace.get("starts", "exploring") for outcome in outcomes}
+    begin = "anywhere" if starts == {"exploring"} else "at the task's start"
     heading = Heading(
         f"Learning curves of {request.solver} on {request.problem.name}",
         f"{request.details(*(outcome.run for outcome in outcomes))},  {repetitions} a set,  "
-        "episodes begin anywhere",
+        f"episodes begin {begin}",
     )
     return draw_learning(panels, heading)
 

@@ -60,9 +60,10 @@ def tabulate_plan(result: Result, task: Task) -> Table:
         notes += bound
     notes += [
         f"{key:<10} {result.trace[key]}"
-        for key in ("choice", "learner", "start")
+        for key in ("choice", "learner", "learned", "start")
         if key in result.trace
     ]
+    notes += _describe_derived(result)
     notes += _trace_notes(result, task.metric.decimals)
     nodes = "-" if result.expanded is None else result.expanded
     timed = task.metric.is_duration and result.timed_by
@@ -73,6 +74,21 @@ def tabulate_plan(result: Result, task: Task) -> Table:
     )
     notes += _describe_ahead(result)
     return Table(title, *tabulate_steps(result.steps, task.metric), notes)
+
+
+def _describe_derived(result: Result) -> list[str]:
+    """Return a note on options that the solver derived from the task, if any."""
+    derived = result.trace.get("derived")
+    if not isinstance(derived, dict) or not derived:
+        return []
+    values = ", ".join(f"{name} {_format_option(value)}" for name, value in derived.items())
+    return [f"derived    {values}"]
+
+
+def _format_option(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:,}" if isinstance(value, int | float) else str(value)
 
 
 def _describe_ahead(result: Result) -> list[str]:
