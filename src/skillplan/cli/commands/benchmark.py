@@ -196,6 +196,7 @@ def _run(campaign: Campaign, out: str | None, style: str) -> int:
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
+    from skillplan.records.result import Status
     from skillplan.views.tables.benchmark import tabulate_agents, tabulate_rows
 
     file = ResultFile(out, campaign)
@@ -224,8 +225,9 @@ def _run(campaign: Campaign, out: str | None, style: str) -> int:
     tables = tabulate_agents(submission, instances)
     if style == "csv":
         tables.append(tabulate_rows(submission, instances))
-    solved = any(row.is_solved for row in submission.rows)
-    code = exit_code(interrupted=interrupted, solved=solved)
+    # A task that stays unsolved is a result.
+    faulty = any(row.status in (Status.FAILED, Status.WRONG) for row in submission.rows)
+    code = exit_code(interrupted=interrupted, wrong=faulty)
     document = submission.model_dump(mode="json", by_alias=True)
     emit(style, document, tables, failed=code != 0)
     return code

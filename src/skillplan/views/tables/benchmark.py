@@ -189,16 +189,21 @@ def tabulate_noise(instances: Sequence[Instance]) -> Table | None:
             f"{100 * spread.solved:.0f} %",
             f"{100 * spread.gap:.2f} %",
             f"{100 * spread.gap_sd:.2f}",
-            *(f"{100 * smallest_difference(spread.gap_sd, count):.2f}" for count in _RUNS),
+            *(_format_difference(spread.gap_sd, count) for count in _RUNS),
         ]
         for each in instances
         for spread in each.noise
     ]
     notes = [
         "sd: standard deviation of the gap over seeds [percentage points]. N runs: smallest "
-        "difference of two mean gaps of N runs each that a t test at 5 % finds, power 80 %."
+        "difference of two mean gaps of N runs each that a t test at 5 % finds, power 80 %; "
+        "- if all seeds end alike."
     ]
     return Table("noise floor of learning tasks", columns, rows, notes) if rows else None
+
+
+def _format_difference(sd: float, runs: int) -> str:
+    return f"{100 * smallest_difference(sd, runs):.2f}" if sd else "-"
 
 
 def smallest_difference(sd: float, runs: int) -> float:
