@@ -317,3 +317,25 @@ class TestPlot:
     )
     def test_what_does_not_fit_a_task_is_refused(self, cli, words, told):
         assert told in cli("plot", BOARD, *words).refusal
+
+
+def test_a_profile_is_drawn_of_finished_trainings(cli, runs):
+    """Asked for by name, what is missing or damaged is one message."""
+    unfinished = cli("plot", str(runs), "profile")
+    assert (2, True) == (unfinished.code, "has no result yet" in unfinished.err)
+    document = {
+        "schema": "skillplan.training/1",
+        "optimum": 1.5,
+        "task": {"name": "board", "sha256": "0"},
+        "solver": "dqn",
+        "options": {},
+        "runs": [{"cost": 1.5}, {"cost": 2.0}, {"cost": None}],
+    }
+    (runs / "result.json").write_text(json.dumps(document))
+    drawn = cli("plot", str(runs), "profile", "--out", str(runs / "profile.svg"))
+    assert 0 == drawn.code
+    assert "P(" not in (runs / "profile.svg").read_text("utf-8")
+    for damage in ({"runs": [{}]}, {"optimum": "much"}, {"runs": 3}):
+        (runs / "result.json").write_text(json.dumps(document | damage))
+        outcome = cli("plot", str(runs), "profile")
+        assert (2, True) == (outcome.code, "result.json is damaged" in outcome.err), outcome.err

@@ -102,22 +102,29 @@ def plot_run_folders(
 def _plot_profile(
     folders: Sequence[RunFolder], paths: Sequence[Path], dpi: int, *, needed: bool
 ) -> list[str]:
-    """Draw the performance profile of finished trainings and return the lines to print."""
-    documents, faults = [], []
-    for folder in folders:
-        document = folder.result()
-        if document is None:
-            faults.append(f"{folder.path}: has no result.json yet; train --resume goes on.")
-        elif document.get("optimum") is None:
-            faults.append(f"{folder.path}: no optimum is proved, which scores refer to.")
-        else:
-            documents.append({**document, "run_dir": folder.path.name})
-    comparison = None if faults else compare_methods(documents)
-    if comparison is None:
-        message = faults[0] if faults else f"{folders[0].path}: has no runs."
+    """Draw the performance profile of finished trainings and return the lines to print.
+
+    Raises
+    ------
+    OptionError
+        If there is none and it is needed.
+    """
+    try:
+        names = _shorten_paths([folder.path for folder in folders])
+        documents = [_read_finished(folder) for folder in folders]
+        comparison = compare_methods(
+            [{**each, "run_dir": name} for each, name in zip(documents, names, strict=True)]
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        fault = f"result.json is damaged: {type(error).__name__} {error}".rstrip(". ")
+        raise OptionError(f"{', '.join(str(f.path) for f in folders)}: {fault}.") from None
+    except OptionError:
         if needed:
-            raise OptionError(message)
-        tell(f"skillplan: profile: {message} Not drawn.")
+            raise
+        return []
+    if comparison is None:
+        if needed:
+            raise OptionError("No optimum is proved, which the scores of a profile refer to.")
         return []
     tasks = list(dict.fromkeys(folder.manifest.task.name for folder in folders))
     heading = Heading(
@@ -128,6 +135,14 @@ def _plot_profile(
     for path in paths:
         save_figure(drawn, path, dpi)
     return [f"{path}\n" for path in paths]
+
+
+def _read_finished(folder: RunFolder) -> dict[str, Any]:
+    """Return the document of a finished training; raises OptionError if it is not finished."""
+    document = folder.result()
+    if document is None or "runs" not in document:
+        raise OptionError(f"{folder.path}: has no result yet; train --resume goes on.")
+    return document
 
 
 def make_training_chapter(folder: RunFolder, name: str, time_limit_s: float | None) -> Chapter:
@@ -294,11 +309,15 @@ def _check_same_task(training: _Training, first: _Training) -> None:
 
 def _label(trainings: Sequence[_Training]) -> list[str]:
     """Return distinct legend entries: folder and solver."""
-    paths = [training.folder.path for training in trainings]
-    names = [path.name for path in paths]
-    shown = names if len(set(names)) == len(names) else list(map(str, paths))
+    shown = _shorten_paths([training.folder.path for training in trainings])
     solvers = [training.folder.manifest.solver for training in trainings]
     return [f"{name}: {solver}" for name, solver in zip(shown, solvers, strict=True)]
+
+
+def _shorten_paths(paths: Sequence[Path]) -> list[str]:
+    """Return the names of folders, or their paths if names are not unique."""
+    names = [path.name for path in paths]
+    return names if len(set(names)) == len(names) else list(map(str, paths))
 
 
 def _make_heading(training: _Training, title: str, *more: str) -> Heading:
