@@ -114,11 +114,6 @@ def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
         ([str(FIXTURES / "nothing.step")], "there is no such file or folder"),
         ([str(FIXTURES / "bracket.json")], "is neither STEP"),
         slow_case(
-            [str(file("open_mesh"))],
-            "not watertight: tray",
-            reason="reads a file more; its reader says so in every run",
-        ),
-        slow_case(
             [SOURCE, "--base", "blok"],
             "Did you mean 'block'",
             reason="imports first; a robot of no such name in every run",

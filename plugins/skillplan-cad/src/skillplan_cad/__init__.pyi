@@ -5,6 +5,9 @@ from .build_relation import find_joints as find_joints
 from .importing.findings import Confirmation as Confirmation
 from .importing.planned import choose_attitude as choose_attitude
 from .importing.planned import list_attitude_warnings as list_attitude_warnings
+from .joints.fits import FitOptions as FitOptions
+from .joints.fits import compute_allowance_m as compute_allowance_m
+from .joints.fits import relieve_fits as relieve_fits
 from .planning.assembly_plan import Planner as Planner
 from .planning.assembly_plan import add_groups as add_groups
 from .planning.assembly_plan import find_groups as find_groups
@@ -63,6 +66,7 @@ __all__ = [
     "Contact",
     "Face",
     "Fastener",
+    "FitOptions",
     "Instance",
     "Item",
     "Limits",
@@ -83,6 +87,7 @@ __all__ = [
     "assign_task_names",
     "build_task",
     "choose_attitude",
+    "compute_allowance_m",
     "derive_precedence",
     "encode_set",
     "find_bearing",
@@ -107,6 +112,7 @@ __all__ = [
     "read_in_process",
     "read_product",
     "read_relation",
+    "relieve_fits",
     "replay",
     "shrink_mesh",
     "verify_lock",

@@ -13,6 +13,7 @@ from skillplan_cad.joints.contacts_of import find_contacts
 from skillplan_cad.joints.cylinder_fits import find_cylinder_fits
 from skillplan_cad.joints.directions import Source, choose_directions
 from skillplan_cad.joints.fasteners_of import find_fasteners
+from skillplan_cad.joints.fits import FitOptions, classify_overlaps
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import (
     Blocking,
@@ -45,7 +46,13 @@ class Blocked:
     sensitive: tuple[Sensitive, ...]
 
 
-def find_joints(product: Product, tolerance_m: float, source: Source, threads: Threads) -> Joints:
+def find_joints(
+    product: Product,
+    tolerance_m: float,
+    source: Source,
+    threads: Threads,
+    options: FitOptions | None = None,
+) -> Joints:
     """Return contacts, fasteners and directions of a product."""
     test = BlockingTest(product, tolerance_m)
     fits = find_cylinder_fits(product)
@@ -53,7 +60,8 @@ def find_joints(product: Product, tolerance_m: float, source: Source, threads: T
     fasteners = find_fasteners(product, fits, contacts, tolerance_m)
     directions = choose_directions(source, fits, fasteners, contacts)
     named = _mark_threads(contacts, fasteners, threads, tolerance_m)
-    return Joints(named, fasteners, directions)
+    contacts = classify_overlaps(product, named, fits, options or FitOptions())
+    return Joints(contacts, fasteners, directions)
 
 
 def find_blocked(

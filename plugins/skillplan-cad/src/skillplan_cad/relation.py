@@ -12,6 +12,27 @@ from numpy.typing import NDArray
 from skillplan_cad.product import Vector
 
 ContactKind = Literal["plane", "cylinder", "thread", "free"]
+FitKind = Literal["press fit", "thread", "seal", "overlap"]
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """An overlap that is drawn on purpose.
+
+    Parameters
+    ----------
+    depth_m
+        Depth of the overlap, on each side [m].
+    allowed_m
+        Greatest depth that is a fit [m].
+    volume_m3
+        Volume that both parts claim [m3].
+    """
+
+    kind: FitKind
+    depth_m: float
+    allowed_m: float
+    volume_m3: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +64,8 @@ class Contact:
         Share of that volume explained by the chords of curved faces; more is interference.
     overlap_point_m
         A point of the overlap; None without one.
+    fit
+        The fit that the overlap is; None for interference or without one.
     """
 
     parts: tuple[str, str]
@@ -58,11 +81,19 @@ class Contact:
     overlap_allowed_m3: float = 0.0
     overlap_point_m: Vector | None = None
     overlap_surface_m2: float = 0.0
+    fit: Fit | None = None
 
     @property
     def interferes(self) -> bool:
-        """True if the parts overlap by more than chords explain; threads overlap on purpose."""
-        return self.kind != "thread" and self.overlap_m3 > self.overlap_allowed_m3
+        """True if the parts overlap by more than chords explain, and not as a fit."""
+        if self.kind == "thread" or self.fit is not None:
+            return False
+        return self.overlap_m3 > self.overlap_allowed_m3
+
+    @property
+    def depth_m(self) -> float:
+        """Mean depth of the overlap [m]."""
+        return 2 * self.overlap_m3 / self.overlap_surface_m2 if self.overlap_surface_m2 else 0.0
 
 
 PartKind = Literal["part", "screw", "nut", "washer", "pin"]

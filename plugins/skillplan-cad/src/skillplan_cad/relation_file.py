@@ -12,7 +12,15 @@ from skillplan.errors import OptionError
 from skillplan.files.json_file import format_document, read_document
 from skillplan.records.schemas import RELATION
 from skillplan_cad.product import Vector
-from skillplan_cad.relation import Blocking, Contact, Fastener, Relation, RelationPart, Sensitive
+from skillplan_cad.relation import (
+    Blocking,
+    Contact,
+    Fastener,
+    Fit,
+    Relation,
+    RelationPart,
+    Sensitive,
+)
 
 _REMEDY = "Write it anew with `skillplan import-cad`"
 
@@ -145,6 +153,14 @@ def _build_contact_document(contact: Contact) -> dict[str, Any]:
         "overlap_allowed_mm3": _round(contact.overlap_allowed_m3 * 1e9, 4),
         "overlap_point_mm": None if point is None else _mm3(point),
         "interference": contact.interferes,
+        "fit": None
+        if contact.fit is None
+        else {
+            "kind": contact.fit.kind,
+            "depth_mm": _mm(contact.fit.depth_m),
+            "allowed_mm": _mm(contact.fit.allowed_m),
+            "volume_mm3": _round(contact.fit.volume_m3 * 1e9, 4),
+        },
     }
 
 
@@ -165,6 +181,19 @@ def _parse_contact(fields: Mapping[str, Any]) -> Contact:
         overlap_surface_m2=fields["overlap_surface_mm2"] / 1e6,
         overlap_allowed_m3=fields["overlap_allowed_mm3"] / 1e9,
         overlap_point_m=None if point is None else _convert_to_metres(point),
+        # Files of 0.3.0 have no fits.
+        fit=_parse_fit(fields.get("fit")),
+    )
+
+
+def _parse_fit(fields: Mapping[str, Any] | None) -> Fit | None:
+    if fields is None:
+        return None
+    return Fit(
+        fields["kind"],
+        fields["depth_mm"] / 1000,
+        fields["allowed_mm"] / 1000,
+        fields["volume_mm3"] / 1e9,
     )
 
 

@@ -133,6 +133,27 @@ def command(
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
+    fit_allowance: Annotated[
+        float | None,
+        typer.Option(
+            "--fit-allowance",
+            parser=positive_number(),
+            metavar="MM",
+            help="Greatest depth of an overlap that is a fit instead of interference, on each "
+            "side. Default: the greatest interference of ISO 286 (zc6) by diameter; for seals 30 % "
+            "of the section.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    press_fit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--press-fit",
+            metavar="A,B",
+            help="Take the overlap of parts A and B as a fit, however deep. Repeatable.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
     thickness: Annotated[
         float | None,
         typer.Option(
@@ -237,6 +258,8 @@ def command(
             "threads": threads,
             "split_bodies": split_bodies,
             "thickness_mm": thickness,
+            "fit_allowance_mm": fit_allowance,
+            "press_fit": press_fit,
             "leave_out": leave_out,
             "only": only,
             "as_one": as_one,

@@ -28,13 +28,14 @@ from skillplan_cad.build_relation import (
     find_joints,
 )
 from skillplan_cad.importing.settings import ImportSettings
+from skillplan_cad.joints.fits import relieve_fits
 from skillplan_cad.planning.shrunk_meshes import MeshTree, shrink_mesh
 from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.reading.mesh_folder import MOST_BYTES as MESH_BYTES
 from skillplan_cad.reading.mesh_folder import list_mesh_files
 from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import hash_step
-from skillplan_cad.relation import Blocking, Contact, Fastener, Relation, Sensitive
+from skillplan_cad.relation import Blocking, Contact, Fastener, Fit, Relation, Sensitive
 
 # Distances beyond the first contact at which blocked pairs are tested, in insets; number of places
 _BEYOND = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)
@@ -150,8 +151,13 @@ def serialize_joints(joints: Joints) -> bytes:
 def restore_joints(content: bytes) -> Joints:
     """Restore joints from `serialize_joints`."""
     document = json.loads(content)
+    contacts = []
+    for fields in document["contacts"]:
+        fit = fields.pop("fit")
+        own = None if fit is None else Fit(**fit)
+        contacts.append(Contact(**_convert_to_tuples(fields), fit=own))
     return Joints(
-        tuple(Contact(**_convert_to_tuples(contact)) for contact in document["contacts"]),
+        tuple(contacts),
         tuple(Fastener(**_convert_to_tuples(fastener)) for fastener in document["fasteners"]),
         tuple(_convert_to_tuple(direction) for direction in document["directions"]),
     )
@@ -335,9 +341,18 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """Results of all stages before planning."""
+    """Results of all stages before planning.
+
+    Parameters
+    ----------
+    product
+        Parts as drawn.
+    relieved
+        Parts whose fits touch instead of overlapping.
+    """
 
     product: Product
+    relieved: Product
     joints: Joints
     blocked: Blocked
     doubts: tuple[Doubt, ...]
@@ -364,21 +379,31 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
     )
     product = restore_product(content)
     _refuse_fine(path, product, tolerance_m)
-    about = {"product": read_hash, "tolerance_m": tolerance_m}
+    options = settings.resolve_fits([part.name for part in product])
+    about: dict[str, Any] = {"product": read_hash, "tolerance_m": tolerance_m}
     content, _ = stages.run(
         "joints",
-        {**about, "source": settings.directions, "threads": settings.threads},
+        {
+            **about,
+            "source": settings.directions,
+            "threads": settings.threads,
+            "fits": asdict(options),
+            "format": _FORMAT,
+        },
         lambda: serialize_joints(
-            find_joints(product, tolerance_m, settings.directions, settings.threads)
+            find_joints(product, tolerance_m, settings.directions, settings.threads, options)
         ),
     )
     joints = restore_joints(content)
+    relieved = relieve_fits(product, joints.contacts, tolerance_m)
+    if relieved is not product:
+        about["joints"] = hashlib.sha256(content).hexdigest()
     content, blocked_hash = stages.run(
         "blocking",
         {**about, "directions": joints.directions},
         lambda: serialize_blocked(
             find_blocked(
-                product,
+                relieved,
                 joints.directions,
                 tolerance_m,
                 _report_progress(tell, product),
@@ -392,14 +417,14 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
         "confirming",
         {**about, "blocked": blocked_hash, "touching": touching},
         lambda: serialize_doubts(
-            Confirmation(product, tolerance_m).find_doubts(
+            Confirmation(relieved, tolerance_m).find_doubts(
                 blocked.entries, touching, joints.directions
             )
         ),
     )
     relation = assemble_relation(product, joints, blocked, tolerance_m, settings.threads)
     doubts = restore_doubts(content)
-    return Findings(product, joints, blocked, doubts, relation, stages, read_hash)
+    return Findings(product, relieved, joints, blocked, doubts, relation, stages, read_hash)
 
 
 def _refuse_fine(path: Path, product: Product, tolerance_m: float) -> None:

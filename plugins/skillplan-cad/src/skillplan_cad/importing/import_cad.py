@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,9 +70,21 @@ def build_report(
                 "parts": list(interference.parts),
                 "overlap_mm3": round(interference.overlap_m3 * 1e9, 3),
                 "allowed_mm3": round(interference.overlap_allowed_m3 * 1e9, 3),
+                "depth_mm": _mm(interference.depth_m),
                 "point_mm": _mm3(interference.overlap_point_m or (0.0, 0.0, 0.0)),
             }
             for interference in list_interferences(relation)
+        ],
+        "fits": [
+            {
+                "parts": list(contact.parts),
+                "kind": contact.fit.kind,
+                "depth_mm": _mm(contact.fit.depth_m),
+                "allowed_mm": _mm(contact.fit.allowed_m),
+                "volume_mm3": round(contact.fit.volume_m3 * 1e9, 3),
+            }
+            for contact in relation.contacts
+            if contact.fit is not None
         ],
         "untouched": list_untouched(relation),
         "doubts": [
@@ -115,8 +128,9 @@ def list_warnings(findings: Findings) -> list[str]:
         )
         messages.append(
             f"{' and '.join(interference.parts)} overlap by "
-            f"{interference.overlap_m3 * 1e9:.4g} mm3 round [{at}] mm, {why}. Unless this is a "
-            "press fit, correct it in CAD."
+            f"{interference.overlap_m3 * 1e9:.4g} mm3 round [{at}] mm, "
+            f"{interference.depth_m * 1e3:.2g} mm deep, {why}. Correct it in CAD, or declare "
+            f"a fit: --press-fit {shlex.quote(','.join(interference.parts))}."
         )
     loose = list_untouched(relation)
     if loose:
@@ -255,5 +269,23 @@ def _list_findings(product: Product, relation: Relation) -> tuple[str, ...]:
         + (f", among them {', '.join(counted)}" if counted else ", none a fastener"),
         f"{len(relation.contacts)} contacts; {len(relation.blocked)} blockings along "
         f"{len(relation.directions)} directions; {free} parts are free at once",
+        *_list_fits(relation),
         *product.notes,
     )
+
+
+def _list_fits(relation: Relation) -> list[str]:
+    """Return the fits of a product, the deepest first, one line each."""
+    fits = [
+        (contact.fit, contact.parts) for contact in relation.contacts if contact.fit is not None
+    ]
+    fits.sort(key=lambda item: (-item[0].depth_m, item[1]))
+    lines = [
+        f"{fit.kind}: {first} and {second} overlap by {fit.depth_m * 1e3:.3g} mm on each side, "
+        f"{fit.volume_m3 * 1e9:.5g} mm3"
+        + (f"; up to {fit.allowed_m * 1e3:.3g} mm is a fit" if fit.allowed_m > fit.depth_m else "")
+        for fit, (first, second) in fits[:_NAMED]
+    ]
+    if len(fits) > _NAMED:
+        lines.append(f"{len(fits) - _NAMED} more fits stand in report.json")
+    return lines

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from skillplan_cad.importing.exploded import Draw, place_bodies
 from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
+from skillplan_cad.joints.fits import relieve_fits
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, add_groups
 from skillplan_cad.planning.bearing import ATTITUDES, Bearing, find_bearing, find_best_bearing
 from skillplan_cad.planning.precedence import list_members
@@ -230,6 +231,8 @@ def restore_replay(content: bytes) -> Replay:
 # Factor on the plan's chord and tolerance for the replay.
 _FINER = 0.4
 _SHOWN = 6
+# Play of a pressed shaft in the written task, on each side: back ends press nothing together [m].
+_ENGINE_PLAY_M = 4e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -266,9 +269,10 @@ def plan_product(
     draw
         Draws `exploded.png`; None for no picture.
     """
-    product, relation = findings.product, findings.relation
+    product, relation = findings.relieved, findings.relation
     bearing = choose_attitude(product, relation, settings.up)
     plan, again = _plan_and_replay(path, findings, settings, bearing)
+    tolerance_m = settings.tolerance_mm / 1000
     document: dict[str, Any] = {"plan": build_plan_document(plan, again, relation)}
     files: dict[str, str | bytes] = {}
     if draw is not None:
@@ -282,7 +286,15 @@ def plan_product(
             for part in product
             if part.closure == "surface" and settings.thickness_mm is None
         }
-        task = build_task(product, relation, plan, settings.robot, bearing, sheets)
+        contacts = findings.joints.contacts
+        loose = relieve_fits(findings.product, contacts, tolerance_m, _ENGINE_PLAY_M)
+        remarks = {
+            thinner.name: f"is written with {_ENGINE_PLAY_M * 1000:g} mm of play in its press "
+            "fits, as no back end presses parts together"
+            for drawn, thinner in zip(findings.product, loose, strict=True)
+            if drawn is not thinner
+        }
+        task = build_task(loose, relation, plan, settings.robot, bearing, sheets, remarks)
         document["left_out"] = dict(
             {**bearing.why_not, **sheets} if task is None else task.left_out
         )
@@ -318,7 +330,7 @@ def _plan_and_replay(
     path: Path, findings: Findings, settings: ImportSettings, bearing: Bearing
 ) -> tuple[AssemblyPlan, Replay]:
     """Return a plan and its replay with other meshes, from the cache if possible."""
-    product, relation = findings.product, findings.relation
+    product, relation = findings.relieved, findings.relation
     tolerance_m = settings.tolerance_mm / 1000
     grounded = [name for name in bearing.order if not bearing.on[name]]
     content, plan_hash = findings.stages.run(
@@ -338,8 +350,9 @@ def _plan_and_replay(
     plan = restore_plan(content)
 
     def replayed() -> bytes:
-        finer = _read_finer(path, product, settings)
-        share = 1.0 if finer is product else _FINER
+        finer = _read_finer(path, findings.product, settings)
+        share = 1.0 if finer is findings.product else _FINER
+        finer = relieve_fits(finer, findings.joints.contacts, tolerance_m)
         return serialize_replay(replay(finer, relation, plan, share * tolerance_m))
 
     content, _ = findings.stages.run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ from skillplan.errors import OptionError, name_hint
 from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan_cad.build_relation import Threads
 from skillplan_cad.joints.directions import Source
+from skillplan_cad.joints.fits import FitOptions
 from skillplan_cad.reading.mesh_folder import resolve_unit_m
 from skillplan_cad.reading.product_reader import STEEL_KG_M3, ReadOptions
 
@@ -39,6 +41,10 @@ class ImportSettings:
         Thickness of open surfaces; None for the mass of their boxes.
     leave_out, only, as_one
         Patterns of part names: parts left out, the only ones read, and those joined to one.
+    fit_allowance_mm
+        Greatest depth of an overlap that is a fit, on each side; None for ISO 286.
+    press_fit
+        Pairs of part names, as ``A,B``, that are fits of any depth.
     density_kg_m3
         Density of all parts, 1 to 30,000.
     keep
@@ -58,6 +64,8 @@ class ImportSettings:
     leave_out: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     as_one: tuple[str, ...] = ()
+    fit_allowance_mm: float | None = None
+    press_fit: tuple[str, ...] = ()
     density_kg_m3: float = STEEL_KG_M3
     jobs: int = 1
     keep: bool = True
@@ -69,11 +77,15 @@ class ImportSettings:
             ("--tolerance", self.tolerance_mm),
             ("--chord", self.chord_mm),
             ("--thickness", self.thickness_mm),
+            ("--fit-allowance", self.fit_allowance_mm),
         ):
             if value is not None and not _LEAST_MM <= value <= _MOST_MM:
                 raise OptionError(
                     f"{option} {value:g}: must be from {_LEAST_MM} to {_MOST_MM:g} mm."
                 )
+        for pair in self.press_fit:
+            if len([name for name in pair.split(",") if name.strip()]) != 2:
+                raise OptionError(f"--press-fit {pair}: give two part names, as A,B.")
         if self.robot not in ARMS:
             raise OptionError(
                 f"--robot {self.robot}: must be one of {', '.join(ARMS)}. "
@@ -84,6 +96,26 @@ class ImportSettings:
                 f"--density {self.density_kg_m3:g}: must be from 1 to 30000 kg/m3; steel has "
                 f"{STEEL_KG_M3:g}."
             )
+
+    def resolve_fits(self, names: Sequence[str]) -> FitOptions:
+        """Return the options of fits for the parts of a product.
+
+        Raises
+        ------
+        OptionError
+            If a pair names a part that is missing.
+        """
+        pairs = []
+        for pair in self.press_fit:
+            first, second = (name.strip() for name in pair.split(","))
+            for name in (first, second):
+                if name not in names:
+                    raise OptionError(
+                        f"--press-fit {pair}: there is no part {name}. {name_hint(name, names)}"
+                    )
+            pairs.append((first, second))
+        allowance = self.fit_allowance_mm
+        return FitOptions(None if allowance is None else allowance / 1000, tuple(pairs))
 
     @property
     def reading(self) -> ReadOptions:

@@ -545,6 +545,7 @@ def build_task(
     robot: str = "panda",
     bearing: Bearing | None = None,
     without: Mapping[str, str] | None = None,
+    remarks: Mapping[str, str] | None = None,
 ) -> WrittenTask | None:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
@@ -560,6 +561,8 @@ def build_task(
         supported, none is left out for lack of support.
     without
         Parts to leave out, each with a reason.
+    remarks
+        Clauses about parts, which are listed with the limits of one arm.
     """
     bearing = bearing or find_best_bearing(product, relation)
     left_out = {**find_indirect_parts(plan), **(bearing.why_not if bearing.order else {})}
@@ -571,7 +574,7 @@ def build_task(
         left_out |= _find_loose_screws(relation, left_out)
         if all(part.name in left_out or part.name in relation.driven for part in product):
             return None
-        writer = _Writer(product, relation, plan, bearing, robot, left_out)
+        writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks or {})
         if writer.places.without:
             words = "finds no place within the arm's reach"
             left_out |= dict.fromkeys(writer.places.without, words)
@@ -612,6 +615,7 @@ class _Writer:
     bearing: Bearing
     robot: str
     left_out: Mapping[str, str]
+    remarks: Mapping[str, str]
     names: Mapping[str, str] = field(init=False)
     kept: tuple[Part, ...] = field(init=False)
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
@@ -652,8 +656,9 @@ class _Writer:
         for name, words in list_plan_limits(self.product, self.plan, self.bearing.up):
             self._note(name, words)
         for name in self.names:
-            if name in self.bearing.why_not:
-                self._note(name, self.bearing.why_not[name])
+            for reasons in (self.bearing.why_not, self.remarks):
+                if name in reasons:
+                    self._note(name, reasons[name])
         document = self._build_document(parts, screws)
         text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         limits = {name: tuple(lines) for name, lines in self.limits.items()}
