@@ -7,10 +7,10 @@ Stable-Baselines3's defaults in as many processes, and with its setting of equal
 Its runs learn one after another, `dqn`'s in groups of five, as in `skillplan train`. Budgets:
 twice its steps per second with the defaults of both, 3 times at equal updates.
 
-Stable-Baselines3 is not a dependency of the project: it is installed into a separate folder, and
-shares torch and Gymnasium with this interpreter. `learning_table` compares what learners reach.
+Stable-Baselines3 comes with the extra `rl` of skillplan-torch. `learning_table` compares results of
+learners.
 
-Run from the repository: ``python benchmarks/learning.py [--steps N] [--rounds N] [--folder DIR]``.
+Run from the repository: ``python benchmarks/learning.py [--steps N] [--rounds N]``.
 """
 
 from __future__ import annotations
@@ -22,15 +22,11 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
-
-import learning_table
 
 BASELINE = "stable-baselines3"
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
@@ -125,26 +121,21 @@ SETTINGS = (
 
 
 def main() -> None:
-    """Install the baseline, and print the table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=f"Steps a second of dqn and of {BASELINE}.")
     parser.add_argument("--steps", type=int, default=5_000, help="environment steps of a run")
     parser.add_argument("--rounds", type=int, default=2, help="how often the settings take turns")
-    parser.add_argument("--folder", type=Path, help=f"where {BASELINE} is, or is installed")
     args = parser.parse_args()
     if args.steps < LEAST_STEPS or args.rounds < 1:
         parser.error(f"it takes at least {LEAST_STEPS:,} steps and 1 round")
-    with ExitStack() as stack:
-        folder = args.folder or Path(stack.enter_context(TemporaryDirectory()))
-        learning_table.install(folder, learning_table.SB3_PACKAGES[:1])
-        rounds: list[list[list[Share]]] = []
-        for number in range(args.rounds):
-            rounds.append(
-                [run_turn(setting, args.steps, 100 * number, folder) for setting in SETTINGS]
-            )
+    rounds = [
+        [run_turn(setting, args.steps, 100 * number) for setting in SETTINGS]
+        for number in range(args.rounds)
+    ]
     print_table(rounds, args.steps)
 
 
-def run_turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Share]:
+def run_turn(setting: Setting, steps: int, seed: int) -> list[Share]:
     """Return the results of all processes, which run at the same time.
 
     Parameters
@@ -155,8 +146,6 @@ def run_turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Shar
         Environment steps of a run.
     seed
         Seed of the first run; the others count up.
-    folder
-        Folder of Stable-Baselines3.
     """
     spawn = multiprocessing.get_context("spawn")
     os.environ.update(dict.fromkeys(THREADS, "1"))
@@ -169,7 +158,7 @@ def run_turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Shar
             seeds = seed + index * sum(groups)
             process = spawn.Process(
                 target=work,
-                args=(there, barrier, setting, groups, steps, seeds, folder),
+                args=(there, barrier, setting, groups, steps, seeds),
                 daemon=True,
             )
             process.start()
@@ -201,7 +190,6 @@ def work(
     groups: tuple[int, ...],
     steps: int,
     seed: int,
-    folder: Path,
 ) -> None:
     """Train groups one after another, once every process is warm; print their results.
 
@@ -219,18 +207,12 @@ def work(
         Environment steps of a run.
     seed
         Seed of the first run; the others count up.
-    folder
-        Folder of Stable-Baselines3.
     """
     try:
         import torch
 
         torch.set_num_threads(1)
-        if setting.options is None:
-            train = train_dqn
-        else:
-            sys.path.insert(0, str(folder))
-            train = train_baseline
+        train = train_dqn if setting.options is None else train_baseline
         train(setting, 1, WARM_UP_STEPS, seed)
         barrier.wait(PATIENCE_S)
         trained = []
