@@ -23,6 +23,7 @@ from skillplan.benchmark import (
 from skillplan.cli import main
 from skillplan.errors import OptionError
 from skillplan.views.tables import smallest_difference
+from thinned import slow_case
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = ROOT / "docs" / "reference" / "documents"
@@ -89,7 +90,7 @@ def learner(tmp_path):
     return path
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def instances():
     """All instances by name."""
     return {each.name: each for each in load_instances()}
@@ -181,18 +182,23 @@ class TestInstances:
 
 
 class TestProofs:
-    def test_one_command_repeats_the_data(self, cli, instances):
+    @pytest.mark.parametrize(
+        "name",
+        [
+            "chance-04-1",
+            slow_case("board-06-1", reason="a planner; dynamic programming in every run"),
+            slow_case("board-28-5", reason="CP-SAT; dynamic programming in every run"),
+        ],
+    )
+    def test_one_command_repeats_the_data(self, cli, instances, name):
         """Optimum, hash and provers are those of the package."""
-        pytest.importorskip("up_fast_downward")
-        pytest.importorskip("skillplan_ortools")
-        names = ["board-06-1", "chance-04-1"]
-        done = cli("benchmark", "--prove", "--only", ",".join(names))
+        done = cli("benchmark", "--prove", "--only", name)
         assert 0 == done.code
-        for each in parse_instances(done.out, "assembly"):
-            known = instances[each.name]
-            assert (known.sha256, known.status) == (each.sha256, each.status)
-            assert known.optimum == pytest.approx(each.optimum, rel=1e-9)
-            assert [p.by for p in known.proofs] == [p.by for p in each.proofs]
+        (each,) = parse_instances(done.out, "assembly")
+        known = instances[name]
+        assert (known.sha256, known.status) == (each.sha256, each.status)
+        assert known.optimum == pytest.approx(each.optimum, rel=1e-9)
+        assert [p.by for p in known.proofs] == [p.by for p in each.proofs]
 
     def test_difference_that_means_something_shrinks_with_runs(self):
         """Three runs a side find less than ten; t(0.975; 4) = 2.776."""
@@ -279,6 +285,13 @@ class TestRuns:
         assert "failed" == row["status"]
         assert reason in row["reason"]
 
+    def test_a_file_with_a_fault_is_refused(self, cli, tmp_path):
+        """Before anything runs."""
+        path = tmp_path / "broken.py"
+        path.write_text("import (", "utf-8")
+        refusal = cli("benchmark", f"{path}:Agent", "--only", SMALL).refusal
+        assert "cannot be imported: SyntaxError" in " ".join(refusal.split())
+
     @pytest.mark.slow(reason="a process that hangs; failures of learners in every run")
     def test_an_agent_that_hangs_is_ended(self, cli, learner, monkeypatch):
         """The others go on."""
@@ -322,11 +335,6 @@ class TestRuns:
         assert agents == list(document["agents"])
         assert {"solved", "unsolved"} >= {row["status"] for row in document["rows"]}
         assert all(row["steps"] >= 600 for row in document["rows"])
-
-
-def forge(row, **changes):
-    """Return a row with other values."""
-    return {**row, **changes}
 
 
 FORGERIES = {

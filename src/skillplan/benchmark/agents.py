@@ -283,8 +283,9 @@ def find_factory(spec: str) -> Callable[..., Any]:
         else:
             module = importlib.import_module(place)
         factory = getattr(module, name)
-    except (ImportError, OSError, AttributeError, ValueError) as error:
-        raise OptionError(f"Agent {spec}: cannot be imported: {error}.") from None
+    except Exception as error:
+        words = f"{type(error).__name__}: {error}"
+        raise OptionError(f"Agent {spec}: cannot be imported: {words}.") from None
     if not callable(factory):
         raise OptionError(f"Agent {spec}: {name} is not callable.")
     return factory  # type: ignore[no-any-return]

@@ -203,7 +203,10 @@ def tabulate_noise(instances: Sequence[Instance]) -> Table | None:
 
 
 def _format_difference(sd: float, runs: int) -> str:
-    return f"{100 * smallest_difference(sd, runs):.2f}" if sd else "-"
+    if not sd:
+        return "-"
+    points = 100 * smallest_difference(sd, runs)
+    return f"{points:.2f}" if points < 100 else ">100"
 
 
 def smallest_difference(sd: float, runs: int) -> float:
