@@ -103,7 +103,9 @@ def test_what_is_fixed_to_a_link_is_part_of_it():
 
 def test_shapes_are_boxes_balls_cylinders_and_meshes():
     """Meshes are asked for by name and scale."""
-    ball = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+    ball = (
+        '<collision><origin xyz="0 0 1"/><geometry><sphere radius="0.05"/></geometry></collision>'
+    )
     mesh = (
         '<collision><origin xyz="0 0 1"/><geometry>'
         '<mesh filename="a.stl" scale="2 2 2"/></geometry></collision>'
@@ -115,7 +117,7 @@ def test_shapes_are_boxes_balls_cylinders_and_meshes():
         return [((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
 
     arm = read(urdf(collisions={1: ball, 2: mesh}), mesh=pieces)
-    assert arm.shapes[1] == (Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.05),)
+    assert arm.shapes[1] == (Capsule((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), 0.05),)
     assert queries == [("a.stl", (2.0, 2.0, 2.0))]
     (hull,) = arm.shapes[2]
     assert isinstance(hull, Hull)

@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.robots import Capsule, UrdfError, compute_link_frames, read_urdf
+from skillplan.robots import (
+    PANDA,
+    UR5E,
+    Capsule,
+    UrdfError,
+    compute_link_frames,
+    find_home,
+    read_urdf,
+)
 from urdf_text import CAPSULE, joint, link, urdf
 
 HOME = [0.1] * 6
@@ -198,3 +206,27 @@ def test_the_tip_is_the_product_of_all_transforms(rows):
         here = here @ placed @ moved
     arm = read(f"<robot>{links}{joints}</robot>", f"l{len(rows)}", posture)
     assert compute_link_frames(arm, np.array([posture]))[-1][0] == pytest.approx(here, abs=1e-9)
+
+
+def test_shapes_that_overlap_in_most_postures_are_not_checked():
+    """A wrist in a fork: the hull of the fork fills it. Results say so."""
+    fork = CAPSULE.replace('radius="0.05" length="0.2"', 'radius="0.15" length="0.6"')
+    arm = read(urdf(collisions={4: fork}))
+    assert (4, 6) in arm.overlaps
+    assert any("link 6 with link 4" in sentence for sentence in arm.not_checked)
+    assert find_home(PANDA).overlaps == find_home(UR5E).overlaps == ()
+
+
+def test_shapes_of_the_first_link_end_at_the_underside_of_the_base():
+    """Coarse capsules about the first axis reach deeper, where the base stands on something."""
+    deep = CAPSULE.replace('length="0.2"', 'length="0.5"')
+    arm = read(urdf(collisions={1: deep}))
+    (hull,) = arm.shapes[1]
+    heights = [z for _, _, z in hull.corners_m]
+    assert (min(heights), max(heights)) == pytest.approx((0.0, 0.35))
+    assert "shapes of the first link are cut at the underside of the base" in arm.assumptions
+
+
+def test_links_may_have_any_name():
+    text = urdf().replace('"flange"', '"/Flansch 1 (Werkzeug)"')
+    assert read(text, "/Flansch 1 (Werkzeug)").freedoms == 6

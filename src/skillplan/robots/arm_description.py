@@ -319,6 +319,9 @@ class ArmDescription:
         other arms.
     payload_kg
         Greatest mass at the flange as published, hand and tool included [kg], > 0; None if unknown.
+    overlaps
+        Numbers of two bodies each, 0 for the base, whose shapes overlap in most postures because
+        they are larger than the links: these pairs are not checked.
     assumptions
         Sentences on values that its file does not give, and on parts of it that are left out.
 
@@ -336,6 +339,7 @@ class ArmDescription:
     reach_m: float | None = None
     swing: tuple[int, int, int] | None = None
     payload_kg: float | None = None
+    overlaps: tuple[tuple[int, int], ...] = ()
     assumptions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -415,6 +419,14 @@ class ArmDescription:
             sentences.append(
                 f"contacts of {', '.join(links)} of {self.name}: its description has no collision "
                 "shape for them"
+            )
+        if self.overlaps:
+            pairs = ", ".join(
+                f"link {other} with {f'link {one}' if one else 'the base'}"
+                for one, other in self.overlaps
+            )
+            sentences.append(
+                f"contacts of {pairs} of {self.name}: their shapes overlap in most postures"
             )
         joints = [joint.name for joint in self.joints if joint.torque_nm is None]
         if joints:

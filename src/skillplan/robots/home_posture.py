@@ -7,6 +7,8 @@ from limits and singularities, and no two links that are not neighbours touch.
 from __future__ import annotations
 
 import math
+from collections import Counter
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,8 +21,15 @@ _SAMPLES: Final = 3_000
 _SHARE_OF_RANGE: Final = 0.85
 # Number of postures tested for contacts, the best first.
 _TESTED: Final = 150
-# Gap that counts as free [m].
+# Number of them that show which shapes overlap anyway, and the share of them in which they do; of
+# links with one link between them, which are rarely near each other in earnest, a smaller share.
+_COUNTED: Final = 60
+_SHARE, _NEAR_SHARE = 0.5, 0.2
+# Depth below the base at which a shape of the first link is cut [m].
+_BURIED_M: Final = 0.005
+# Gap that counts as free, and depth that counts as an overlap [m].
 _GAP_M: Final = 0.005
+_DEEP_M: Final = 0.003
 # Place of the tip that is preferred, as a share of the greatest distance seen.
 _FAR, _HIGH = 0.6, 0.3
 # Least singular value, in lengths of that distance, of a posture away from singularities.
@@ -29,12 +38,14 @@ _LEAST_SINGULAR = 0.12
 _DIRECTIONS, _SIDES = 128, 12
 
 
-def find_home(arm: ArmDescription) -> tuple[float, ...]:
-    """Return a posture with room for every joint [rad], of prismatic joints [m].
+def find_home(arm: ArmDescription) -> ArmDescription:
+    """Return an arm with a posture as home that has room for every joint.
 
-    If links touch in all tested postures, as overlapping shapes of a description do, the fewest
-    contacts decide.
+    Pairs of links that touch in many of the best postures are noted as overlaps: their shapes are
+    larger than the links. If links touch in all postures, the fewest contacts decide. Shapes of the
+    first link are cut at the underside of the base, which stands on something.
     """
+    arm = _cut_at_ground(arm)
     postures = spread_postures(arm, _SAMPLES, _SHARE_OF_RANGE)
     # Half of them face forwards: a joint about the vertical changes no penalty but its own.
     postures[::2, 0] = (arm.low_rad[0] + arm.high_rad[0]) / 2
@@ -42,16 +53,70 @@ def find_home(arm: ArmDescription) -> tuple[float, ...]:
     frames = compute_link_frames(arm, postures)
     order = np.argsort(_rate(arm, postures, frames), kind="stable")[:_TESTED]
     solids = _Solids(arm)
-    best, fewest = 0, math.inf
+    touching = [
+        solids.find_contacts([frame[number] for frame in frames[:-1]], -_DEEP_M)
+        for number in order[:_COUNTED].tolist()
+    ]
+    counts = Counter(pair for pairs in touching for pair in pairs)
+    overlaps = frozenset(
+        pair
+        for pair, count in counts.items()
+        if count >= len(touching) * (_NEAR_SHARE if pair[1] - pair[0] == 2 else _SHARE)
+    )
+    best, fewest = int(order[0]), math.inf
     for number in order.tolist():
-        contacts = solids.count_contacts([frame[number] for frame in frames[:-1]], fewest)
+        pairs = solids.find_contacts([frame[number] for frame in frames[:-1]], _GAP_M)
+        contacts = len(pairs - overlaps)
         if contacts < fewest:
             best, fewest = number, contacts
         if not contacts:
             break
     low, high = np.array(arm.low_rad), np.array(arm.high_rad)
     home = np.clip(np.round(postures[best], 3), low, high)
-    return arm.follow([float(value) for value in home])
+    home_rad = arm.follow([float(value) for value in home])
+    return replace(arm, home_rad=home_rad, overlaps=tuple(sorted(overlaps)))
+
+
+def _cut_at_ground(arm: ArmDescription) -> ArmDescription:
+    """Return an arm whose first link has no shape below the base."""
+    if len(arm.shapes) < 2 or not arm.shapes[0] or not arm.shapes[1]:
+        return arm
+    ground_m = min(float(list_corners(shape)[:, 2].min()) for shape in arm.shapes[0])
+    frame = compute_link_frames(arm, np.array([arm.home_rad]))[1][0]
+    kept = tuple(
+        piece
+        for shape in arm.shapes[1]
+        if (piece := _cut_below(shape, frame[2], ground_m)) is not None
+    )
+    if kept == arm.shapes[1]:
+        return arm
+    note = "shapes of the first link are cut at the underside of the base"
+    shapes = (arm.shapes[0], kept, *arm.shapes[2:])
+    return replace(arm, shapes=shapes, assumptions=(*arm.assumptions, note))
+
+
+def _cut_below(shape: LinkShape, height: Numbers, ground_m: float) -> LinkShape | None:
+    """Return the part of a shape above a plane, None if there is none.
+
+    Parameters
+    ----------
+    height
+        Row that gives the height of a point in the frame of the shape, shape (4,).
+    """
+    corners = list_corners(shape)
+    above_m = corners @ height[:3] + height[3] - ground_m
+    if above_m.min() >= -_BURIED_M:
+        return shape
+    up, down = corners[above_m > 0], corners[above_m < 0]
+    over_m, under_m = above_m[above_m > 0][:, None], -above_m[above_m < 0][None, :]
+    shares = (over_m / (over_m + under_m))[..., None]
+    crossing = (up[:, None] + shares * (down[None] - up[:, None])).reshape(-1, 3)
+    points = np.concatenate([up, crossing])
+    try:
+        points = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):
+        return None
+    return Hull(tuple((float(x), float(y), float(z)) for x, y, z in points))
 
 
 def _rate(arm: ArmDescription, postures: Numbers, frames: list[Numbers]) -> Numbers:
@@ -98,8 +163,8 @@ class _Solids:
             if self._solids[other][0] - self._solids[one][0] >= 2
         ]
 
-    def count_contacts(self, frames: list[Numbers], most: float) -> int:
-        """Return the number of pairs of links that touch; counting stops at `most`."""
+    def find_contacts(self, frames: list[Numbers], gap_m: float) -> frozenset[tuple[int, int]]:
+        """Return the pairs of bodies nearer than a gap, 0 for the base; < 0 for a depth [m]."""
         placed = []
         for body, corners, planes in self._solids:
             rotation, origin = frames[body][:3, :3], frames[body][:3, 3]
@@ -115,18 +180,16 @@ class _Solids:
                 continue
             first, second = placed[one], placed[other]
             apart_m = float(np.linalg.norm(first[3] - second[3]))
-            if apart_m > first[4] + second[4] + _GAP_M or _is_apart(first[:3], second[:3]):
+            if apart_m > first[4] + second[4] + gap_m or _is_apart(first[:3], second[:3], gap_m):
                 continue
             touching.add(key)
-            if len(touching) >= most:
-                break
-        return len(touching)
+        return frozenset(touching)
 
 
-def _is_apart(first: tuple[Numbers, ...], second: tuple[Numbers, ...]) -> bool:
+def _is_apart(first: tuple[Numbers, ...], second: tuple[Numbers, ...], gap_m: float) -> bool:
     """Return whether a face of one of two solids separates them; edges are not tried."""
     return any(
-        bool(((corners @ normals.T + offsets).min(axis=0) > _GAP_M).any())
+        bool(((corners @ normals.T + offsets).min(axis=0) > gap_m).any())
         for normals, offsets, corners in (
             (first[1], first[2], second[0]),
             (second[1], second[2], first[0]),

@@ -666,12 +666,11 @@ class UrdfTree:
             shapes if any(shapes) else (),
             assumptions=(*self.notes, *notes.sentences()),
         )
-        if home_rad is not None:
-            return arm
         # Imports numpy and scipy.
         from skillplan.robots.home_posture import find_home
 
-        return replace(arm, home_rad=find_home(arm))
+        posed = find_home(arm)
+        return posed if home_rad is None else replace(posed, home_rad=start)
 
     def _resolve_leaders(self, segments: Sequence[_Segment]) -> list[_Segment]:
         """Return the chain with its mimic joints bound to the joint that moves them in the end."""

@@ -40,6 +40,33 @@ Array = NDArray[np.float64]
 _RING: Final = 12
 
 
+# coal counts the neighbours of a corner in a byte.
+_MOST_NEIGHBOURS: Final = 250
+
+
+def build_convex(hull: Hull) -> Any:
+    """Return a hull as `coal.Convex`, thinned out if a corner has too many neighbours."""
+    corners = np.array(hull.corners_m)
+    try:
+        return _compute_convex(corners)
+    except RuntimeError:
+        if len(corners) <= _MOST_NEIGHBOURS:
+            raise
+    number = np.arange(_MOST_NEIGHBOURS) + 0.5
+    z = 1 - 2 * number / _MOST_NEIGHBOURS
+    angle = math.pi * (1 + math.sqrt(5)) * number
+    flat = np.sqrt(1 - z * z)
+    directions = np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
+    farthest = np.argmax((corners - corners.mean(axis=0)) @ directions.T, axis=0)
+    return _compute_convex(corners[np.unique(farthest)])
+
+
+def _compute_convex(corners: Array) -> Any:
+    points = coal.StdVec_Vec3s()
+    points.extend(list(corners))
+    return coal.Convex.convexHull(points, True, "Qt")
+
+
 @dataclass(frozen=True, eq=False)
 class LinkPiece:
     """A convex shape on a link.
@@ -59,9 +86,7 @@ class LinkPiece:
     def geometry(self) -> Any:
         """Geometry for coal, in the frame `frame`."""
         if isinstance(self.shape, Hull):
-            points = coal.StdVec_Vec3s()
-            points.extend(list(np.array(self.shape.corners_m)))
-            return coal.Convex.convexHull(points, True, "Qt")
+            return build_convex(self.shape)
         length_m = math.dist(self.shape.start_m, self.shape.end_m)
         shape_class = coal.Capsule if isinstance(self.shape, Capsule) else coal.Cylinder
         return shape_class(self.shape.radius_m, length_m)

@@ -13,7 +13,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 
-import coal
 import numpy as np
 
 from skillplan.robots.arm_description import (
@@ -25,7 +24,7 @@ from skillplan.robots.arm_description import (
     Rod,
     Transform,
 )
-from skillplan_pinocchio.arm_model import assume_masses
+from skillplan_pinocchio.arm_model import assume_masses, build_convex
 from skillplan_pinocchio.kinematics.serial_arm import make_placement
 from skillplan_simulation.kinematics import Vector, compute_rpy
 from skillplan_simulation.robot_shapes import Piece, make_body_pieces, make_jaw_pieces
@@ -225,9 +224,7 @@ def _add_shape(parent: ElementTree.Element, piece: Piece) -> None:
 @lru_cache(maxsize=512)
 def _write_mesh(hull: Hull) -> Path:
     """Write a hull as a triangle mesh."""
-    points = coal.StdVec_Vec3s()
-    points.extend([np.array(corner) for corner in hull.corners_m])
-    surface = coal.Convex.convexHull(points, True, "Qt")
+    surface = build_convex(hull)
     corners = np.asarray(surface.points())
     middle = corners.mean(axis=0)
     lines = [f"v {_format_numbers(corner.tolist())}" for corner in corners]

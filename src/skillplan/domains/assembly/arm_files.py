@@ -35,6 +35,8 @@ _SCHEMES: Final = ("package://", "model://")
 # Levels above a file that are searched for its package.
 _LEVELS: Final = 5
 _PACKAGE_FILE: Final = "package.xml"
+# Folders of a package that hold descriptions, beside those of meshes.
+DESCRIPTION_FOLDERS: Final = ("urdf", "robots", "robot", "model", "models", "xacro")
 # Number of files of a package that are searched for a mesh of another package.
 _MOST_FILES: Final = 5_000
 
@@ -238,9 +240,23 @@ class ArmFiles:
         the file's folder must agree.
         """
         steps = [package, *rest.split("/")]
-        root = next((path for path in self._around if is_folder(path / "meshes")), None)
-        if root is None or ".." in steps:
+        if ".." in steps:
             return None
+        around = self._around
+        roots = [path for path in around if is_folder(path / "meshes")]
+        roots += [around[1] if around[0].name in DESCRIPTION_FOLDERS else around[0]]
+        for root in roots:
+            path = self._find_end(root, steps)
+            if path is None:
+                continue
+            note = f"no package {package!r}: its files are taken from {root.name}"
+            if note not in self.notes:
+                self.notes.append(note)
+            return find_companion(root, path.relative_to(root).as_posix())
+        return None
+
+    def _find_end(self, root: Path, steps: Sequence[str]) -> Path | None:
+        """Return the file below a folder whose path ends most like the steps, None if unclear."""
         stem = posixpath.basename(self.name).partition(".")[0].lower()
         ranked: dict[tuple[int, bool], list[Path]] = {}
         for path in _walk(root, steps[-1]):
@@ -249,13 +265,7 @@ class ArmFiles:
             common = sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], pairs))
             ranked.setdefault((common, stem in [part.lower() for part in own]), []).append(path)
         best = max(ranked, default=(0, False))
-        if best[0] < 2 or len(ranked[best]) > 1:
-            return None
-        (path,) = ranked[best]
-        note = f"no package {package!r}: its files are taken from {root.name}"
-        if note not in self.notes:
-            self.notes.append(note)
-        return find_companion(root, path.relative_to(root).as_posix())
+        return ranked[best][0] if best[0] >= 2 and len(ranked[best]) == 1 else None
 
     @property
     def _around(self) -> list[Path]:

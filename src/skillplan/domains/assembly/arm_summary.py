@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from scipy.spatial import ConvexHull, QhullError
 
-from skillplan.domains.assembly.arm_files import SUFFIXES, ArmFileError, read_tree
+from skillplan.domains.assembly.arm_files import (
+    DESCRIPTION_FOLDERS,
+    SUFFIXES,
+    ArmFileError,
+    read_tree,
+)
 from skillplan.domains.assembly.robot_schema import RobotConfig
 from skillplan.domains.load import apply_changes
 from skillplan.errors import Issue, TaskError
@@ -29,7 +34,6 @@ Triangles = NDArray[np.int64]
 
 # Postures whose tips estimate the reach.
 _SAMPLES: Final = 20_000
-_PACKAGE_FOLDERS: Final = ("urdf", "robots", "robot", "model", "models", "xacro")
 
 
 @dataclass(frozen=True)
@@ -194,7 +198,7 @@ def summarize_arm(path: str, changes: Mapping[str, str]) -> ArmSummary:
     """
     file = Path(os.path.abspath(path))
     folder = file.parent
-    if folder.name.lower() in _PACKAGE_FOLDERS:
+    if folder.name.lower() in DESCRIPTION_FOLDERS:
         folder = folder.parent
     name = file.relative_to(folder).as_posix()
     start = Document(path, {"robot": {"model": name, "home_m": [0.0, 0.0]}}, {}, {}, ())

@@ -41,6 +41,8 @@ from skillplan.task.pose import Point, Pose, Quaternion
 
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
+# Links of others' files have any names.
+LinkName = Annotated[str, Field(min_length=1, max_length=256)]
 FolderName = Annotated[str, Field(min_length=1, max_length=4096)]
 
 
@@ -73,7 +75,7 @@ class RobotConfig(Strict):
         [0.0, 0.0, 0.0],
         description="rotation of the base about the fixed axes x, y and z, in this order [rad]",
     )
-    tip: Name | None = Field(
+    tip: LinkName | None = Field(
         None,
         description="of a URDF, the link to which the hand is fixed, its z pointing out; left out: "
         "there is none, as of panda and ur5e",

@@ -44,6 +44,8 @@ class MovingSolid:
         their common radius [m].
     of_arm
         True if it is a link; otherwise it is at the arm's end.
+    overlaps
+        Pairs of bodies of the arm that are not checked; see `ArmDescription`.
     """
 
     name: str
@@ -54,6 +56,7 @@ class MovingSolid:
     radius_m: float
     balls: tuple[Vector, float]
     of_arm: bool = False
+    overlaps: tuple[tuple[int, int], ...] = ()
 
 
 def build_arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
@@ -76,6 +79,7 @@ def build_arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
                 length(half),
                 (times(centres, placed.rotation.T) + placed.translation, radius_m),
                 of_arm=True,
+                overlaps=arm.description.overlaps,
             )
         )
     return tuple(solids)
@@ -273,6 +277,7 @@ class ArmBodies:
             for b, outer in enumerate(self.solids[known:], known)
             for a, inner in enumerate(self.solids)
             if outer.joint - inner.joint >= 2
+            and not (outer.of_arm and inner.of_arm and (inner.joint, outer.joint) in outer.overlaps)
         ]
         self.pairs = _select_apart(self, candidates, home_rad)
         if alone is not None:
