@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import tempfile
 from collections.abc import Callable
@@ -94,6 +95,12 @@ class TestMovesAroundAContour:
         assert path.length_m == pytest.approx(0.05)
         assert "3 passes" in path.notes[0]
 
+    def test_a_slot_cut_to_and_fro_an_even_number_of_times_is_one_line_too(self):
+        path = only(program("G0 X0 Y0\nG1 Z-1\n" + "X50\nX0\n" * 4))
+        assert not path.closed
+        assert path.length_m == pytest.approx(0.05)
+        assert path.notes == ("8 passes at Z -1.000 mm are one contour; 400.000 mm in all",)
+
     def test_a_pass_may_begin_elsewhere_and_run_the_other_way_round(self):
         other = "G0 Z5\nG0 X100 Y0\nG1 Z-2\nX0\nY100\nX100\nY0\n"
         assert "2 passes" in only(program(START + SQUARE + other)).notes[0]
@@ -167,8 +174,23 @@ class TestWords:
         (note,) = only(program(f"{START}G41 D1\n{SQUARE}G40\n")).notes
         assert note.startswith("line 4: G41 D1: the path is the edge as programmed")
 
+    def test_comments_may_be_nested_or_open(self):
+        text = "(cut (plate); M98)\nG0 X0 Y0 (start\nG1 (to) X10 (the (right)) ; end\n"
+        assert lengths(program(text)) == [10]
+
+    def test_a_feed_move_from_the_reference_leads_the_tool_to_a_known_position(self):
+        """Homed in X, as Marlin writes it; only X is given then."""
+        cut = "G1 Z-1\nG1 X50 Y0\nG1 Z5\n"
+        text = f"G21 G90\nG0 X0 Y0\n{cut}G28 X\nG1 X0\n{cut}"
+        assert "2 passes" in only(program(text)).notes[0]
+
     def test_zero_k_belongs_to_no_arc_and_does_no_harm(self):
         assert lengths(program("G0 X0 Y0\nG2 X10 I5 K0\n")) == [round(5 * math.pi, 3)]
+
+    def test_a_long_program_reports_its_progress(self, monkeypatch, capsys):
+        monkeypatch.setattr("skillplan_swarmitfix.trajectory.path.PROGRESS_S", 0.0)
+        program(START + SQUARE * 300)
+        assert "skillplan: reading a.nc: line 1,000 of 1,204\n" in capsys.readouterr().err
 
     def test_g92_sets_coordinates(self):
         moved = program("G0 X10 Y10\nG92 X0 Y0\nG1 X30\nG92.1\nG1 Y40\n")
@@ -357,6 +379,20 @@ class TestDrawings:
         assert lengths(contours) == [round(100 + 50 * math.pi, 3), round(10 * math.pi, 3)]
         assert contours.notes == ("dropped: 4 elements on top of others",)
 
+    def test_lines_as_short_as_the_tolerance_are_no_doubles(self):
+        """A circle of 0.1 mm in 100 lines, as maps in degrees hold them."""
+        ring = [
+            (0.05 * math.cos(w), 0.05 * math.sin(w))
+            for w in (math.tau * i / 100 for i in range(101))
+        ]
+
+        def draw(document: Drawing) -> None:
+            for a, b in itertools.pairwise(ring):
+                document.modelspace().add_line(a, b)
+
+        contours = drawing(draw)
+        assert not any("dropped" in note for note in contours.notes)
+
     def test_a_periodic_spline_is_drawn_over_its_domain_only(self):
         ring = [
             (50 * math.cos(w), 50 * math.sin(w)) for w in (math.tau * i / 12 for i in range(12))
@@ -381,8 +417,9 @@ class TestDrawings:
             space.add_line((0, 0, 0), (0, 0, 50))
             space.add_line((90, 90), (91, 91), dxfattribs={"layer": "DEFPOINTS"})
 
-        (note,) = only(drawing(draw)).notes
+        note, hidden = only(drawing(draw)).notes
         assert note.startswith("passed over: 1 ")
+        assert hidden == "passed over: 1 entity on layers that are off, frozen or not plotted"
         for kind in ("1 HATCH", "1 TEXT", "1 LINE that leaves its plane"):
             assert kind in note
 
@@ -463,6 +500,28 @@ class TestTheChoice:
         with pytest.raises(TaskError) as caught:
             self.load(tmp_path, keys)
         assert message in str(caught.value)
+
+    @pytest.mark.parametrize(
+        ("outline", "inner", "is_plain"),
+        [
+            ([(0, 0), (90, 0), (90, 60), (40, 80), (0, 60)], [(30, 30, 5), (60, 30, 5)], True),
+            ([(0, 0), (90, 0), (90, 60), (40, 80), (0, 60)], [(30, 30, 9), (30, 30, 5)], False),
+            ([(0, 0), (90, 0), (90, 60), (0, 60)], [(30, 30, 5), (60, 30, 5)], False),
+        ],
+    )
+    def test_over_layers_is_the_part_with_its_holes_but_not_a_frame(self, outline, inner, is_plain):
+        def draw(document: Drawing) -> None:
+            space = document.modelspace()
+            space.add_lwpolyline(outline, close=True, dxfattribs={"layer": "OUTLINE"})
+            for x, y, radius in inner:
+                space.add_circle((x, y), radius, dxfattribs={"layer": "HOLES"})
+
+        contours = drawing(draw)
+        if is_plain:
+            assert contours.choose().layer == "OUTLINE"
+        else:
+            with pytest.raises(TrajectoryFileError, match="There are contours on 2 layers"):
+                contours.choose()
 
     def test_may_be_a_layer(self):
         def draw(document: Drawing) -> None:

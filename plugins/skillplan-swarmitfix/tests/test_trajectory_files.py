@@ -265,7 +265,6 @@ class TestGcode:
         ("text", "message"),
         [
             ("G0 X0 Y0\nG1 X1..5", "line 2: Cannot read '.5'; write words of a letter and a"),
-            ("G0 X0 Y0\nG1 X1 (open", "line 2: Cannot read '(OPEN'"),
             ("G0 X0 Y0\nM98 P1", "line 2: M98 is not read here; leave it out."),
             ("G0 X0 Y0\nG4 X1", "line 2: G4 with a position; give a dwell as P"),
             ("G0 X0 Y0\nG0 G1 X1", "line 2: G0 and G1 in one line; write two lines."),
@@ -286,7 +285,7 @@ class TestGcode:
             ("G0 X0 Y0\nG2 X1 I.5 K1", "line 2: The word K1 belongs to no arc in the XY plane"),
             ("G0 X0 Y0\nG2 X1 I.5 P9999", "line 2: An arc of 9999 turns; give 1 to 1,000."),
             ("G0 X0 Y0\nG90.1 G2 X1 I.5", "line 2: An arc with G90.1 needs both I and J."),
-            ("G0 X0 Y0\nG28 X0\nG1 X1", "line 3: A feed move from an unknown position, after G28"),
+            ("G0 X0 Y0\nG28 X0\nG2 X1 R1", "line 3: A feed move from an unknown position, after"),
             ("G0 X0 Y0\nG53 G1 X1", "line 2: A feed move in the machine's coordinates (G53)"),
             ("G0 X0 Y0\nG1 X1\nG55 X2", "line 3: G55 in line 3 has moved the origin; keep one"),
             ("G0 X0 Y0\nG52 X5", "line 2: G52 moves the origin; give the coordinates without it."),

@@ -28,6 +28,8 @@ MOST_LISTED = 12
 
 _SAMPLES_OF_A_CURVE = 17
 _POINTS_INSIDE = 8
+_MOST_NESTED = 300
+_ON_A_LINE_M = 1e-5
 
 Choice = str | int | Point2 | None
 """``"outer"``, a number from 1, a point to which the contour is nearest [m], or None."""
@@ -73,7 +75,8 @@ class FileContours:
         Parameters
         ----------
         choice
-            The contour; None for the only one, or the one that encloses all others on one layer.
+            The contour; None for the only one, or the one that encloses all others, unless it may
+            be a frame on a layer of its own.
 
         Raises
         ------
@@ -101,9 +104,9 @@ class FileContours:
         if amount == 1:
             return 0
         layers = dict.fromkeys(contour.layer for contour in self.contours)
-        if choice is None and len(layers) > 1:
-            self._refuse(f"There are contours on {count(len(layers), 'layer')}")
         outermost = self._outermost()
+        if choice is None and len(layers) > 1 and not self._is_part(outermost):
+            self._refuse(f"There are contours on {count(len(layers), 'layer')}")
         if outermost is None:
             self._refuse(f"There are {amount} contours, and none encloses all others")
         return outermost
@@ -123,6 +126,23 @@ class FileContours:
         others = [_sampled(c) for i, c in enumerate(self.contours) if i != number]
         few = [points[:: 1 + len(points) // _POINTS_INSIDE] for points in others]
         return number if _encloses(_sampled(outer), np.concatenate(few)) else None
+
+    def _is_part(self, outermost: int | None) -> bool:
+        """Return whether the contour around all layers is that of a part and not a frame.
+
+        A frame is a rectangle, or encloses a contour that encloses another one.
+        """
+        if outermost is None or _is_rectangle(self.contours[outermost]):
+            return False
+        inner = [i for i in range(len(self.contours)) if i != outermost]
+        points = [_sampled(self.contours[i])[:1] for i in inner]
+        for i in inner[:_MOST_NESTED]:
+            others = [point for k, point in zip(inner, points, strict=True) if k != i]
+            if not others or not self.contours[i].closed:
+                continue
+            if _inside(_sampled(self.contours[i]), np.concatenate(others)).any():
+                return False
+        return len(inner) <= _MOST_NESTED
 
     def _choice_note(self, number: int, choice: Choice) -> str:
         if isinstance(choice, int | tuple):
@@ -179,8 +199,35 @@ def _box(contour: TrajectoryPath) -> tuple[float, float, float, float]:
     return x0, y0, x1, y1
 
 
+def _is_rectangle(contour: TrajectoryPath) -> bool:
+    """Return whether a contour is its own bounding box."""
+    if any(isinstance(element, Arc | Spline) for element in contour.elements):
+        return False
+    x0, y0, x1, y1 = _box(contour)
+    return (
+        abs(contour.length_m - 2 * (x1 - x0 + y1 - y0)) <= _ON_A_LINE_M
+        and len(contour.elements) <= 8
+    )
+
+
 def _encloses(polygon: NDArray[np.float64], points: NDArray[np.float64]) -> bool:
-    """Return whether every point lies within a closed polygon (even-odd rule)."""
+    """Return whether every point lies within a closed polygon, or on it."""
+    outside = points[~_inside(polygon, points)]
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if not len(outside):
+            break
+        along = b - a
+        square = float(along @ along)
+        share = (
+            np.clip((outside - a) @ along / square, 0.0, 1.0) if square else np.zeros(len(outside))
+        )
+        gap = outside - a - share[:, None] * along
+        outside = outside[np.hypot(gap[:, 0], gap[:, 1]) > _ON_A_LINE_M]
+    return not len(outside)
+
+
+def _inside(polygon: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which points lie within a closed polygon (even-odd rule)."""
     ends = np.roll(polygon, -1, axis=0)
     inside = np.zeros(len(points), dtype=np.bool_)
     for (ax, ay), (bx, by) in zip(polygon.tolist(), ends.tolist(), strict=True):
@@ -188,7 +235,7 @@ def _encloses(polygon: NDArray[np.float64], points: NDArray[np.float64]) -> bool
             continue
         spans = (points[:, 1] < ay) != (points[:, 1] < by)
         inside ^= spans & (points[:, 0] < ax + (points[:, 1] - ay) * (bx - ax) / (by - ay))
-    return bool(inside.all())
+    return inside
 
 
 def _distance_m(contour: TrajectoryPath, point: Point2) -> float:

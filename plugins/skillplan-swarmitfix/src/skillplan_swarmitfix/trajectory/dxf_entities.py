@@ -6,6 +6,7 @@ import io
 import itertools
 import logging
 import math
+import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -30,6 +31,7 @@ from ezdxf.math import BSpline, Vec3
 
 from skillplan_swarmitfix.trajectory.contours import FileContours
 from skillplan_swarmitfix.trajectory.path import (
+    Progress,
     TrajectoryFileError,
     TrajectoryPath,
     count,
@@ -326,6 +328,7 @@ MOST_ENTITIES = 100_000
 MOST_NESTED = 16
 """Blocks within blocks are exploded so deep."""
 _MOST_KINDS = 8
+_LARGE_B = 2_000_000
 
 
 def read_drawing(
@@ -375,6 +378,10 @@ def read_drawing(
 
 def _load(path: Path, content: bytes) -> tuple[Drawing, list[str]]:
     """Return the drawing, and a note if it had to be mended."""
+    if len(content) > _LARGE_B:
+        # ezdxf reports nothing while it reads.
+        megabytes = len(content) / 1e6
+        sys.stderr.write(f"skillplan: reading {one_line(path.name, 60)}, {megabytes:.1f} MB\n")
     if content.startswith(b"AC10"):
         raise TrajectoryFileError(
             path, "This is a DWG file despite its name; save it as ASCII DXF."
@@ -438,10 +445,13 @@ def _contours(
 ) -> FileContours:
     reader = EntityReader(path, unit_m)
     expander = _Expander(path, drawing)
+    progress = Progress(path)
+    space = drawing.modelspace()
     passed_over: Counter[str] = Counter()
     pieces: dict[str, list[Piece]] = {}
     names: dict[str, str] = {}
-    for entity, name in expander.entities(drawing.modelspace()):
+    for number, (entity, name) in enumerate(expander.entities(space)):
+        progress.report(number, max(len(space), number), "entity")
         names.setdefault(name.lower(), name)
         if layer is not None and name.lower() != layer.lower():
             continue
@@ -464,6 +474,9 @@ def _contours(
         )
         more = len(passed_over) - _MOST_KINDS
         notes.append(f"passed over: {kinds}" + (f" and {more} more kinds" if more > 0 else ""))
+    if expander.hidden:
+        hidden = count(expander.hidden, "entity").replace("entitys", "entities")
+        notes.append(f"passed over: {hidden} on layers that are off, frozen or not plotted")
     if not pieces:
         where = "a layer that is on" if layer is None else f"the layer {one_line(layer, 40)!r}"
         told = f" ({'; '.join(notes)})" if notes else ""
@@ -504,6 +517,7 @@ class _Expander:
         self._left = MOST_ENTITIES
         self._on: dict[str, bool] = {}
         self.exploded = 0
+        self.hidden = 0
         self.passed_over: Counter[str] = Counter()
 
     def entities(
@@ -514,6 +528,7 @@ class _Expander:
             name = entity.dxf.layer
             name = layer if depth and name == "0" else name
             if not self._is_drawn(name):
+                self.hidden += 1
                 continue
             self._left -= 1
             if self._left < 0:

@@ -21,6 +21,7 @@ from typing import NoReturn
 from skillplan_swarmitfix.trajectory.contours import FileContours
 from skillplan_swarmitfix.trajectory.path import (
     JOIN_M,
+    Progress,
     TrajectoryFileError,
     count,
     merged_note,
@@ -36,11 +37,14 @@ from skillplan_swarmitfix.trajectory.plane_point import (
 from skillplan_swarmitfix.trajectory.tool_path import Feed, find_contours
 from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 
-MOST_FEEDS = 200_000
+MOST_FEEDS = 100_000
 """Most feed moves, and most drilled holes, of a program."""
 
 _WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))", re.ASCII)
-_BLANK = re.compile(r"\([^()]*\)|;.*|\s")
+_BRACKET = re.compile(r"[()]")
+_BLANK = re.compile(r";.*|\s")
+_HOMING = re.compile(r"(G0*(?:28|30)(?:\.1)?(?![.\d]).*)", re.ASCII)
+_BARE_AXIS = re.compile(r"([XYZ])(?![-+.\d])", re.ASCII)
 _MESSAGE = re.compile(r"M11[78](?!\d).*", re.ASCII)
 _FLOW = re.compile(r"O(?:<[^>]*>|\d+)(?:SUB|END|CALL|IF|ELSE|DO|WHILE|REPEAT|RETURN|BREAK|CONT)")
 _LINE_END = re.compile(r"\r\n|\r|\n")
@@ -80,6 +84,7 @@ _PLACING = "XYIJR"
 _TURNING_AXES = "ABCUVWE"
 _MOST_TURNS = 1_000
 _MOST_NAMED = 12
+_REPORTED = 1_000
 
 
 def read_program(path: Path, text: str, unit: UnitName | None = None) -> FileContours:
@@ -103,9 +108,13 @@ def read_program(path: Path, text: str, unit: UnitName | None = None) -> FileCon
         With the line that cannot be read or placed, or if the program has no feed move.
     """
     machine = _Machine(path, unit)
-    for number, line in enumerate(_LINE_END.split(text), 1):
+    lines = _LINE_END.split(text)
+    progress = Progress(path)
+    for number, line in enumerate(lines, 1):
         machine.place = f"line {number}"
         machine.run(line)
+        if number % _REPORTED == 0:
+            progress.report(number, len(lines), "line")
         if machine.ended:
             break
     feeds, notes = _cutting(machine)
@@ -116,7 +125,7 @@ def read_program(path: Path, text: str, unit: UnitName | None = None) -> FileCon
             f"The program {drilled}has no feed move in X or Y; give the trajectory by G1, G2 and "
             "G3.",
         )
-    contours = tuple(cut.path() for cut in find_contours(feeds))
+    contours = tuple(cut.path() for cut in find_contours(feeds, progress))
     return FileContours(
         path,
         contours,
@@ -205,7 +214,9 @@ class _Machine:
 
     def _words(self, line: str) -> tuple[dict[str, float], list[str], list[str]]:
         """Return the values of a line's words, and its G and M codes."""
-        code = _BLANK.sub("", line).upper()
+        code = _BLANK.sub("", _without_comments(line)).upper()
+        if _HOMING.search(code):
+            code = _BARE_AXIS.sub(r"\g<1>0", code)
         if code.startswith(("%", "$")):
             code = ""
         if code.startswith("/"):
@@ -362,6 +373,10 @@ class _Machine:
                 at[letter] = 0.0
                 self._assumed_start = self._assumed_start or self.place
 
+    @staticmethod
+    def _is_lost(at: Mapping[str, float]) -> bool:
+        return "X" not in at or "Y" not in at
+
     def _planar(self, at: Mapping[str, float]) -> Point2:
         x, y = (at[letter] + self._shift.get(letter, 0.0) for letter in "XY")
         return x, y
@@ -388,10 +403,11 @@ class _Machine:
         if self._motion == "0":
             self._travel(before, target)
             return
-        if not ("X" in before or "Y" in before) and "X" in target and "Y" in target and not curved:
-            # The first position in full, given by a feed move: the tool is led there.
-            if self._lost:
-                self._lost = ""
+        is_full = all(letter in target for letter in "XY")
+        is_new = not ("X" in before or "Y" in before)
+        if not curved and ((is_new and is_full) or (self._lost and self._is_lost(before))):
+            # A feed move from an unknown position leads the tool to a known one.
+            self._lost = "" if is_full else self._lost
             return
         self._assume_start(before)
         for letter in "XY":
@@ -512,6 +528,22 @@ class _Machine:
 
     def _refuse(self, message: str) -> NoReturn:
         raise TrajectoryFileError(self.path, message, self.place)
+
+
+def _without_comments(line: str) -> str:
+    """Return a line without text in brackets, which may be nested, or open up to the line's end."""
+    if "(" not in line:
+        return line
+    kept, depth, begin = [], 0, 0
+    for match in _BRACKET.finditer(line):
+        if match[0] == "(":
+            if depth == 0:
+                kept.append(line[begin : match.start()])
+            depth += 1
+        elif depth:
+            depth -= 1
+            begin = match.end()
+    return "".join(kept) + ("" if depth else line[begin:])
 
 
 def _arcs(start: Point2, end: Point2, centre: Point2, *, clockwise: bool) -> list[Line | Arc]:

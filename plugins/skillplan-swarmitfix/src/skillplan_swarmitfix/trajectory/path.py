@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+import time
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +21,10 @@ from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 JOIN_M = 1e-5
 """Ends of a file's elements as near as this are joined [m]: files hold rounded decimals."""
+
+
+PROGRESS_S = 2.0
+"""Interval of reports on a large file [s]."""
 
 
 class TrajectoryFileError(ValueError):
@@ -127,6 +133,26 @@ class TrajectoryPath:
             case ("start",):
                 return self.start_place or self.places[0]
         return ""
+
+
+class Progress:
+    """Reports on stderr how far a file is read, every two seconds.
+
+    Parameters
+    ----------
+    path
+        The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._name = one_line(path.name, 60)
+        self._due_s = time.monotonic() + PROGRESS_S
+
+    def report(self, done: int, total: int, what: str) -> None:
+        """Print how much is done, if it is time to."""
+        if time.monotonic() >= self._due_s:
+            self._due_s += PROGRESS_S
+            sys.stderr.write(f"skillplan: reading {self._name}: {what} {done:,} of {total:,}\n")
 
 
 def millimetres(length_m: float) -> str:

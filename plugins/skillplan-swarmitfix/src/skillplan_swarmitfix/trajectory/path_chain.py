@@ -34,6 +34,8 @@ GAP_M = 1e-4
 _MOST_AT_A_FORK = 64
 _MOST_NAMED = 3
 _MOST_ALIKE = 300
+_SHARE_OFF = 0.02
+_MOST_COMPARED = 5_000_000
 
 
 @dataclass(frozen=True)
@@ -245,7 +247,10 @@ _Owned = tuple[int, Point2, Element]
 
 
 def _repeated_lines(owned: Sequence[_Owned]) -> set[int]:
-    """Return the lines within `JOIN_M` of a longer one, or of an equal one before."""
+    """Return the lines within `JOIN_M` of a longer one, or of an equal one before.
+
+    Lines that are hardly longer than that must lie closer, since their neighbours are as near.
+    """
     lines = [
         number
         for number, (_, start, element) in enumerate(owned)
@@ -258,7 +263,12 @@ def _repeated_lines(owned: Sequence[_Owned]) -> set[int]:
     lengths = np.hypot(*(ends - starts).T)
     piece_of = np.array([owned[number][0] for number in lines])
     repeated: set[int] = set()
+    compared = 0
     for first, second in near_pairs(starts, ends):
+        compared += len(first)
+        if compared > _MOST_COMPARED:
+            # So dense that no mistake of drawing explains it.
+            break
         apart = piece_of[first] != piece_of[second]
         first, second = first[apart], second[apart]
         # The shorter one may lie on the longer one; of equals the later one.
@@ -270,7 +280,8 @@ def _repeated_lines(owned: Sequence[_Owned]) -> set[int]:
             share = ((tips - starts[long]) * along).sum(axis=1) / (lengths[long] ** 2)
             foot = starts[long] + np.clip(share, 0.0, 1.0)[:, None] * along
             off = np.maximum(off, np.hypot(*(tips - foot).T))
-        repeated |= {lines[i] for i in short[off <= JOIN_M].tolist()}
+        near_m = np.minimum(JOIN_M, _SHARE_OFF * lengths[short])
+        repeated |= {lines[i] for i in short[off <= near_m].tolist()}
     return repeated
 
 

@@ -70,7 +70,7 @@ class DrawingConfig(Strict):
             None,
             description="contour of the file that is the trajectory: outer, the one that encloses "
             "all others; its number; or at_m: [x, y], the nearest one to a point; left out: the "
-            "only one, or outer if all are on one layer",
+            "only one, or outer unless it may be a frame on a layer of its own",
             exclude=True,
         )
     )

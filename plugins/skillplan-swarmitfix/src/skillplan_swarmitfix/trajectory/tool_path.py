@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 from skillplan_swarmitfix.trajectory.path import (
     JOIN_M,
+    Progress,
     TrajectoryPath,
     millimetres,
 )
@@ -37,6 +38,8 @@ _SAME_CURVE_M = 3e-5
 _GRAIN_M = 1e-3
 _LEAST_LOBE = 0.25
 _SAMPLES = 24
+# Samples must not fall on the points of a regular path.
+_UNEVEN = (math.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +128,7 @@ class Curve:
             if located_m is None:
                 return False
             begin_m = located_m
-        shares = [(i + 0.5) / _SAMPLES for i in range(_SAMPLES)]
+        shares = [(i + _UNEVEN) / _SAMPLES for i in range(_SAMPLES)]
         return any(
             all(
                 math.dist(
@@ -144,7 +147,7 @@ class Curve:
         return all(
             math.dist(self.at(share * self.length_m), self.at((1 - share) * self.length_m))
             <= _SAME_CURVE_M
-            for share in ((i + 0.5) / (2 * _SAMPLES) for i in range(_SAMPLES))
+            for share in ((i + _UNEVEN) / (2 * _SAMPLES) for i in range(_SAMPLES))
         )
 
     def first_half(self) -> Curve:
@@ -278,7 +281,7 @@ class CutContour:
         return f"{'; '.join(clauses)}; {millimetres(total_m)} mm in all"
 
 
-def find_contours(feeds: Sequence[Feed]) -> list[CutContour]:
+def find_contours(feeds: Sequence[Feed], progress: Progress) -> list[CutContour]:
     """Return the contours that feed moves cut, in their order.
 
     Parameters
@@ -295,7 +298,8 @@ def find_contours(feeds: Sequence[Feed]) -> list[CutContour]:
             strands.append([feed])
     cuts: list[CutContour] = []
     alike: dict[tuple[int, ...], list[int]] = {}
-    for strand in strands:
+    for number, strand in enumerate(strands):
+        progress.report(number, len(strands), "cut")
         for cut in _split(strand):
             _merge(cuts, alike, cut)
     return cuts
@@ -449,8 +453,8 @@ def _open(
         return [CutContour(curve, (_pass(curve),), retraced_m=rest_m)]
     whole = Curve(strand)
     if whole.is_retraced:
-        half = whole.first_half()
-        return [CutContour(half, _runs(strand, 2))]
+        # To and fro an even number of times.
+        return [replace(cut, passes=cut.passes * 2) for cut in _split(whole.first_half().feeds)]
     halves = [loop.curve.first_half() for loop in folded]
     return [CutContour(half, (_pass(half),)) for half in halves]
 
