@@ -1,4 +1,4 @@
-"""The contours of a file, and the choice of the one that becomes the trajectory."""
+"""The contours of a file, and the choice of the trajectory among them."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ class FileContours:
         Parameters
         ----------
         choice
-            The contour; None for the only one, or the one that encloses all others, unless it may
-            be a frame on a layer of its own.
+            The contour; None for the only one, or for `"outer"` unless it may be a frame on a
+            layer of its own.
 
         Raises
         ------

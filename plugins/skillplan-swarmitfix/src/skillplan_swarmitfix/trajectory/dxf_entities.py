@@ -316,7 +316,7 @@ INSUNITS_M = {
 """Length of the unit that a value of $INSUNITS stands for [m]."""
 
 _ENGLISH, _FEET_AND_INCHES = 0, (3, 4)
-"""A value of $MEASUREMENT, and those of $LUNITS: engineering and architectural."""
+"""A value of $MEASUREMENT, and values of $LUNITS: engineering and architectural."""
 
 _WITHOUT_NOTE = frozenset(("VIEWPORT", "ATTDEF", "ATTRIB"))
 _MADE_OF_OTHERS = frozenset(("INSERT", "MLINE"))
@@ -479,9 +479,9 @@ def _contours(
         notes.append(f"passed over: {hidden} on layers that are off, frozen or not plotted")
     if not pieces:
         where = "a layer that is on" if layer is None else f"the layer {one_line(layer, 40)!r}"
-        told = f" ({'; '.join(notes)})" if notes else ""
+        reasons = f" ({'; '.join(notes)})" if notes else ""
         message = (
-            f"The model space holds no path on {where}{told}; "
+            f"The model space holds no path on {where}{reasons}; "
             "draw one polyline, or lines and arcs that meet."
         )
         raise TrajectoryFileError(path, message)
@@ -503,7 +503,7 @@ def _contours(
 
 
 class _Expander:
-    """Lists the entities of a drawing with those of its blocks, and the layer of each.
+    """Lists the entities of a drawing and of its blocks, and the layer of each.
 
     Parameters
     ----------

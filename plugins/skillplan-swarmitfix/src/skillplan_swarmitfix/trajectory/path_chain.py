@@ -188,8 +188,8 @@ def _partners(
         if len(those) > 2:
             forks.append(node)
             pairs = _straightest(pieces, those[:_MOST_AT_A_FORK])
-        for one, other in pairs:
-            partners[one], partners[other] = other, one
+        for end, other in pairs:
+            partners[end], partners[other] = other, end
     return partners, forks
 
 

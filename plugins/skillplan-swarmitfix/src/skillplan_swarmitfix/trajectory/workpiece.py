@@ -303,7 +303,7 @@ class Workpiece:
         chord_tolerance_m
             Greatest distance between a curve and the chords that stand for it, >= 1e-7 [m].
         corner_rad
-            Joints that turn by no more than this are no vertices, apart from the start [rad]. A
+            Only joints that turn by more than this are vertices, and the start [rad]. A
             closed trajectory has another vertex in its middle if it has none else. None: every
             joint is a vertex.
 
