@@ -34,6 +34,7 @@ OPENS = {
     "workers/processes.py": "the process file system of Linux",
     "workers/local_processes.py": "the null device, for what libraries print",
     "workers/supervisor.py": "the lists of processes of Linux; a pipe that ends with its parent",
+    "domains/assembly/mesh_files.py": "a 3MF, an archive in memory",
     "domains/domain.py": "the starter that lies in the package of a domain",
     "views/report/page.py": "the style sheet and the player that lie in its package",
     "plugins/installed.py": "what pip wrote of a distribution",

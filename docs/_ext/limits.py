@@ -22,7 +22,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
         ],
     ),
     (
-        "mesh (OBJ, STL, PLY)",
+        "mesh (OBJ, STL, PLY, GLB, 3MF, STEP)",
         "{bytes}, {} corners, {} m, {} convex pieces",
         [
             "domains.assembly.mesh_files:MAX_BYTES",

@@ -222,6 +222,20 @@ def test_a_nest_of_assemblies_that_doubles_on_each_level_is_refused(tmp_path):
         read(tmp_path, level)
 
 
+def test_a_step_file_is_a_part_of_a_task(tmp_path, monkeypatch):
+    """In metres, closed, and with no more corners than a part may have."""
+    monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
+    path = tmp_path / "pin.step"
+    write_step(Product("pin").add("pin", cylinder(0, 0, 0, 5, 30)), path)
+    for _ in range(2):
+        corners, triangles = step_file.mesh_step(path.read_bytes())
+        assert np.ptp(corners, axis=0) == pytest.approx([0.01, 0.01, 0.03], rel=1e-3)
+        assert trimesh.Trimesh(corners, triangles).is_watertight
+    write_step(with_plate("label", rectangle(5, 5, 35, 15, 0.0)), path)
+    with pytest.raises(OptionError, match="It is not closed, a surface; save a solid"):
+        step_file.mesh_step(path.read_bytes())
+
+
 class TestMeshes:
     def folder(self, path, **meshes):
         for name, mesh in meshes.items():

@@ -12,6 +12,8 @@ _KINDS = ("domain", "physics", "collision", "solver", "executor", "exporter", "s
 GROUPS = {kind: f"skillplan.{kind}" for kind in _KINDS}
 # Functions that decompose meshes into convex pieces.
 _DECOMPOSITION = "decomposition"
+# Functions that mesh the content of a STEP file.
+_MESH_READER = "mesh_reader"
 # Functions that convert CAD to tasks.
 _IMPORTER = "importer"
 # Figures of tasks.
@@ -36,6 +38,11 @@ def registered(kind: str) -> EntryPoints:
 def list_decompositions() -> EntryPoints:
     """Return the entry points that decompose meshes."""
     return _of_group(f"skillplan.{_DECOMPOSITION}")
+
+
+def list_mesh_readers() -> EntryPoints:
+    """Return the entry points that mesh STEP files."""
+    return _of_group(f"skillplan.{_MESH_READER}")
 
 
 def importers() -> EntryPoints:

@@ -5,9 +5,11 @@ import io
 import os
 import random
 import struct
+import zipfile
 from itertools import pairwise
 
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +17,6 @@ from example_count import examples
 from skillplan.domains.assembly import (
     MAX_BYTES,
     MAX_CORNERS,
-    SUFFIXES,
     ArmFileError,
     MeshFileError,
     arm_files,
@@ -82,7 +83,7 @@ def reason(folder, name="wedge.obj", scale=0.01):
     return str(raised.value), raised.value.key
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", sorted(FORMS))
 def test_a_wedge_is_read_from_every_kind_of_file(tmp_path, suffix):
     """To metres, about the middle of the box about it."""
     read = read_mesh(tmp_path, wedge_in(tmp_path, suffix), 0.01)
@@ -93,7 +94,7 @@ def test_a_wedge_is_read_from_every_kind_of_file(tmp_path, suffix):
     assert len(read.faces) == 8
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", sorted(FORMS))
 def test_a_kind_of_file_does_not_change_the_polyhedron(tmp_path, suffix):
     """The same corners in the same order, so that the same verdicts follow."""
     read = read_mesh(tmp_path, wedge_in(tmp_path, suffix), 0.01)
@@ -255,7 +256,7 @@ def test_a_name_that_is_no_relative_path_is_refused(tmp_path, name):
 
 
 @given(
-    suffix=st.sampled_from(SUFFIXES),
+    suffix=st.sampled_from(sorted(FORMS)),
     content=st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode()),
     cut=st.integers(0, 400),
 )
@@ -326,3 +327,57 @@ def test_meshes_of_an_arm_that_are_too_large_together_are_refused(tmp_path, monk
 def test_a_mesh_of_an_arm_at_no_sensible_scale_is_refused(tmp_path, scale):
     with pytest.raises(ArmFileError, match=r"Mesh 'm\.stl': it is"):
         arm_of(tmp_path, scale)
+
+
+def as_3mf(corners, faces, unit="millimeter", extra=""):
+    """Return the content of a 3MF that builds an object twice, once moved by 3 along x."""
+    points = "".join('<vertex x="{}" y="{}" z="{}"/>'.format(*corner) for corner in corners)
+    rows = "".join('<triangle v1="{}" v2="{}" v3="{}"/>'.format(*row) for row in triangles(faces))
+    mesh = f"<mesh><vertices>{points}</vertices><triangles>{rows}</triangles></mesh>"
+    move = 'transform="1 0 0 0 1 0 0 0 1 3 0 0"'
+    model = (
+        f'{extra}<model unit="{unit}"><resources><object id="1">{mesh}</object>'
+        f'<object id="2"><components><component objectid="1"/><component objectid="1" {move}/>'
+        '</components></object></resources><build><item objectid="2"/></build></model>'
+    )
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("millimeter", 1e-3), ("inch", 0.0254)])
+def test_a_3mf_is_in_its_own_unit_with_its_components_placed(tmp_path, unit, scale):
+    (tmp_path / "wedges.3mf").write_bytes(as_3mf(WEDGE, WEDGE_FACES, unit))
+    wedges = read_mesh(tmp_path, "wedges.3mf", 1.0)
+    assert wedges.size == pytest.approx((5 * scale, scale, scale))
+    assert len(wedges.corners) == 2 * len(WEDGE)
+
+
+def test_a_glb_is_in_metres(tmp_path):
+    corners = [[0.01 * value for value in corner] for corner in WEDGE]
+    mesh = trimesh.Trimesh(corners, triangles(WEDGE_FACES), process=False)
+    (tmp_path / "wedge.glb").write_bytes(mesh.export(file_type="glb"))
+    assert read_mesh(tmp_path, "wedge.glb", 1.0).size == pytest.approx((0.02, 0.01, 0.01))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"PK nothing",
+        as_3mf(WEDGE, WEDGE_FACES, "parsec"),
+        as_3mf(WEDGE[:-1], WEDGE_FACES),
+        as_3mf(WEDGE, WEDGE_FACES, extra='<!DOCTYPE a [<!ENTITY b "c">]>'),
+    ],
+)
+def test_a_damaged_or_hostile_3mf_is_refused(tmp_path, content):
+    (tmp_path / "odd.3mf").write_bytes(content)
+    with pytest.raises(MeshFileError, match="It cannot be read as 3MF; save it again"):
+        read_mesh(tmp_path, "odd.3mf", 1.0)
+
+
+def test_a_step_file_needs_a_plugin_that_meshes_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(mesh_files, "list_mesh_readers", list)
+    (tmp_path / "part.step").write_bytes(b"ISO-10303-21;")
+    with pytest.raises(MeshFileError, match="STEP is read by skillplan-cad; install it"):
+        read_mesh(tmp_path, "part.step", 1.0)

@@ -156,6 +156,17 @@ def test_a_hole_is_where_the_part_it_goes_through_ends():
     assert (0.52, 0.03, FLOOR_M) == get_layout(config).hole(config.screws["bolt"])
 
 
+def test_a_hole_through_a_flange_is_at_the_face_about_it(tmp_path):
+    """Not at the top of the dome beside it."""
+    dome = "      - {{size_m: [0.01, 0.01, 0.03], centre_m: [-0.015, 0.015, 0.025]}}\nscrews:"
+    text = DRILLED.replace("    start_m:", "START", 1).replace("screws:", "screws:", 1)
+    text = text.replace("START", f"{dome.removesuffix('screws:')}    start_m:")
+    path = tmp_path / "flange.yaml"
+    path.write_text(text.format(hole="hole_m: [0.5, 0.0]", head_m=0.0084), "utf-8")
+    config = load_problem(path).config
+    assert get_layout(config).hole(config.screws["screw"]) == (0.5, 0.0, 0.01)
+
+
 def test_check_says_what_every_part_rests_on():
     """In words and as JSON values, with the area."""
     config = config_of({"case": CASE, "board": BOARD})
@@ -197,6 +208,7 @@ ASKEW = "hole_m: [0.4825, 0.0, 0.005], axis: [1, 0, 0]"
     [
         (UPRIGHT, 0.0084, None),
         (UPRIGHT, 0.0045, "the hole does not lie over the top of 'plate'"),
+        ("hole_m: [0.5, 0.0]", 0.0084, None),
         (UPRIGHT.replace("0.5", "0.517"), 0.0084, None),
         (UPRIGHT.replace("0.01]", "0.012]"), 0.0084, "the hole does not lie over the top"),
         (ASKEW.replace("0.4825", "0.48"), 0.006, None),

@@ -11,7 +11,7 @@ from skillplan.collision.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.gripping import find_grasp_issues
 from skillplan.domains.assembly.holding import trace_ray_m
 from skillplan.domains.assembly.insertion import find_insertion_issues
-from skillplan.domains.assembly.layout import get_layout
+from skillplan.domains.assembly.layout import get_layout, list_rim
 from skillplan.domains.assembly.part_meshes import build_origin_hint, find_piece_issues
 from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.assembly.resting import find_resting_issues
@@ -23,9 +23,6 @@ from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus
 _MAX_SHAPES = 1024
 # More than twice the density of the densest chemical element [kg/m3].
 _MOST_DENSITY_KG_M3 = 50_000.0
-# Number of points under the rim of a screw's head, and their distance from its axis in radii.
-_RIM_POINTS = 12
-_RIM_SHARE = 0.96
 # Start of a ray above the mouth of a hole [m].
 _FAR_M = 0.002
 
@@ -216,7 +213,7 @@ def _has_upright_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
         top_m = through.top_m(at_x_m, at_y_m)
         return top_m is not None and abs(top_m - z_m) <= TOUCH_M
 
-    return lies(x_m, y_m) or all(lies(x_m + dx_m, y_m + dy_m) for dx_m, dy_m in _list_rim(screw))
+    return lies(x_m, y_m) or all(lies(x_m + dx_m, y_m + dy_m) for dx_m, dy_m in list_rim(screw))
 
 
 def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
@@ -234,15 +231,8 @@ def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     across = unit(cross(into, level))
     other = cross(into, across)
     return lies(mouth) or all(
-        lies(plus(plus(mouth, across, x_m), other, y_m)) for x_m, y_m in _list_rim(screw)
+        lies(plus(plus(mouth, across, x_m), other, y_m)) for x_m, y_m in list_rim(screw)
     )
-
-
-def _list_rim(screw: ScrewConfig) -> list[tuple[float, float]]:
-    """Return points under the rim of a head, from its axis [m]."""
-    radius_m = _RIM_SHARE * screw.head_diameter_m / 2
-    turns = (2 * math.pi * number / _RIM_POINTS for number in range(_RIM_POINTS))
-    return [(radius_m * math.cos(turn), radius_m * math.sin(turn)) for turn in turns]
 
 
 def _measure_distance_m(box: WorldBox, other: WorldBox) -> float:

@@ -6,6 +6,7 @@ its frame, whose origin is the centre of the bottom of the upright part.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -22,6 +23,9 @@ _STEEP = 0.9
 # Number of layouts kept: a draw of a family compares two of them.
 _KEPT = 4
 
+# Distance of points under the rim of a screw's head from its axis, in radii; number of them.
+_RIM_SHARE, _RIM_POINTS = 0.96, 12
+
 _recent: tuple[Layout, ...] = ()
 
 
@@ -35,6 +39,13 @@ def get_layout(config: AssemblyConfig) -> Layout:
     layout = Layout(config)
     _recent = (layout, *_recent[: _KEPT - 1])
     return layout
+
+
+def list_rim(screw: ScrewConfig) -> list[tuple[float, float]]:
+    """Return points under the rim of a head, from its axis [m]."""
+    radius_m = _RIM_SHARE * screw.head_diameter_m / 2
+    turns = (2 * math.pi * number / _RIM_POINTS for number in range(_RIM_POINTS))
+    return [(radius_m * math.cos(turn), radius_m * math.sin(turn)) for turn in turns]
 
 
 @lru_cache(maxsize=1)
@@ -82,8 +93,12 @@ class Layout:
             return (x_m, y_m, z_m)
         x_m, y_m = screw.hole_m
         through = self.goal(screw.through)
-        top_m = through.top_m(x_m, y_m)
-        return (x_m, y_m, _round_height(through.box.high[2] if top_m is None else top_m))
+        tops_m = [through.top_m(x_m, y_m)]
+        if tops_m[0] is None:
+            # The hole is modelled: the head rests on the face about it.
+            tops_m = [through.top_m(x_m + dx_m, y_m + dy_m) for dx_m, dy_m in list_rim(screw)]
+        known_m = [top_m for top_m in tops_m if top_m is not None]
+        return (x_m, y_m, _round_height(max(known_m, default=through.box.high[2])))
 
     def hole_pose(self, screw: ScrewConfig) -> Pose:
         """Return the pose of a hole's mouth; the screw goes in along its -z axis."""

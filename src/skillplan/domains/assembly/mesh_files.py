@@ -6,6 +6,8 @@ import hashlib
 import io
 import math
 import warnings
+import zipfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,8 +17,11 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
+from skillplan.errors import SkillplanError
 from skillplan.files.regular_file import CompanionFileError, find_companion, read_companion
+from skillplan.plugins.installed import list_mesh_readers
 from skillplan.task.motion import Point
+from skillplan.xml_tree import Element, XmlError, parse_xml
 
 MAX_CORNERS = 5_000
 """Greatest number of corners of a polyhedron."""
@@ -167,7 +172,7 @@ def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
 MAX_BYTES = 4 * 1024 * 1024
 """Greatest size of a file [B]."""
 
-SUFFIXES = (".obj", ".stl", ".ply")
+SUFFIXES = (".obj", ".stl", ".ply", ".glb", ".3mf", ".step", ".stp")
 
 _MOST_EXTENT_M = 10.0
 
@@ -239,7 +244,11 @@ def _parse_polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
 
 
 def parse_mesh(content: bytes, suffix: str) -> tuple[Floats, Indices]:
-    """Return corners and triangles as stored in the file."""
+    """Return corners and triangles as stored in the file; STEP, 3MF and GLB in metres."""
+    if suffix in (".step", ".stp"):
+        return _parse_step(content)
+    if suffix == ".3mf":
+        return _parse_3mf(content)
     unread = f"It cannot be read as {suffix[1:].upper()}; save it again."
     try:
         with warnings.catch_warnings(action="ignore"):
@@ -255,6 +264,103 @@ def parse_mesh(content: bytes, suffix: str) -> tuple[Floats, Indices]:
     if not is_table or (len(faces) and not 0 <= faces.min() <= faces.max() < len(corners)):
         raise MeshFileError(unread)
     return corners, faces.reshape(-1, 3)
+
+
+def _parse_step(content: bytes) -> tuple[Floats, Indices]:
+    """Return the surface of the solids of a STEP file [m], meshed by a plugin."""
+    entry = next(iter(list_mesh_readers()), None)
+    if entry is None:
+        raise MeshFileError("STEP is read by skillplan-cad; install it, or save the part as STL.")
+    try:
+        corners, faces = entry.load()(content)
+    except SkillplanError as error:
+        raise MeshFileError(str(error)) from None
+    return np.asarray(corners, dtype=np.float64), np.asarray(faces, dtype=np.int64)
+
+
+# Largest model of a 3MF once unpacked [B]; its units in metres.
+_MOST_MODEL_BYTES = 32 * 1024 * 1024
+_UNITS_3MF_M = {
+    "micron": 1e-6,
+    "millimeter": 1e-3,
+    "centimeter": 1e-2,
+    "inch": 0.0254,
+    "foot": 0.3048,
+    "meter": 1.0,
+}
+_MOST_PARTS_3MF = 1_000
+
+
+def _parse_3mf(content: bytes) -> tuple[Floats, Indices]:
+    """Return the surfaces of all objects that a 3MF builds, at their places [m]."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            name = next(item for item in archive.namelist() if item.lower().endswith(".model"))
+            with archive.open(name) as stream:
+                text = stream.read(_MOST_MODEL_BYTES + 1)
+        if len(text) > _MOST_MODEL_BYTES:
+            raise MeshFileError("Its model is too large once unpacked; simplify it.")
+        model = parse_xml(text, "simplify it")
+        unit_m = _UNITS_3MF_M[model.attributes.get("unit", "millimeter")]
+        objects = {
+            item.attributes["id"]: item
+            for resources in _iterate_children(model, "resources")
+            for item in _iterate_children(resources, "object")
+        }
+        corners: list[Floats] = [np.zeros((0, 3))]
+        faces: list[Indices] = [np.zeros((0, 3), dtype=np.int64)]
+        todo = [
+            (item.attributes["objectid"], _read_transform(item))
+            for build in _iterate_children(model, "build")
+            for item in _iterate_children(build, "item")
+        ]
+        count = placed = 0
+        while todo:
+            number, pose = todo.pop(0)
+            placed += 1
+            if placed > _MOST_PARTS_3MF:
+                raise MeshFileError("It builds too many objects; keep the part alone.")
+            for mesh in _iterate_children(objects[number], "mesh"):
+                own, triangles = _read_3mf_mesh(mesh)
+                corners.append(own @ pose[:3] + pose[3])
+                faces.append(triangles + count)
+                count += len(own)
+            for components in _iterate_children(objects[number], "components"):
+                for component in _iterate_children(components, "component"):
+                    below = _read_transform(component)
+                    joined = np.vstack([below[:3] @ pose[:3], below[3] @ pose[:3] + pose[3]])
+                    todo.append((component.attributes["objectid"], joined))
+    except (KeyError, ValueError, StopIteration, zipfile.BadZipFile, XmlError, OSError):
+        raise MeshFileError("It cannot be read as 3MF; save it again.") from None
+    return np.concatenate(corners) * unit_m, np.concatenate(faces)
+
+
+def _iterate_children(element: Element, tag: str) -> Iterator[Element]:
+    """Yield the children with a tag in any name space."""
+    return (child for child in element.children if child.tag.rpartition(":")[2] == tag)
+
+
+def _read_transform(element: Element) -> Floats:
+    """Return the matrix of an item or component, shape (4, 3); corners are rows."""
+    text = element.attributes.get("transform", "1 0 0 0 1 0 0 0 1 0 0 0")
+    return np.array([float(value) for value in text.split()]).reshape(4, 3)
+
+
+def _read_3mf_mesh(mesh: Element) -> tuple[Floats, Indices]:
+    (vertices,) = _iterate_children(mesh, "vertices")
+    (triangles,) = _iterate_children(mesh, "triangles")
+    corners = [
+        [float(vertex.attributes[axis]) for axis in "xyz"]
+        for vertex in _iterate_children(vertices, "vertex")
+    ]
+    faces = [
+        [int(triangle.attributes[corner]) for corner in ("v1", "v2", "v3")]
+        for triangle in _iterate_children(triangles, "triangle")
+    ]
+    numbers = np.array(faces, dtype=np.int64).reshape(-1, 3)
+    if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(corners):
+        raise ValueError("a triangle has a corner that is missing")
+    return np.array(corners).reshape(-1, 3), numbers
 
 
 def _check_size(size: Floats, scale: float) -> None:

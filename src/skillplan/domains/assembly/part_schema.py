@@ -76,10 +76,13 @@ class MeshConfig(Strict):
     """A polyhedron from a file; a concave one moves as convex pieces."""
 
     file: Annotated[str, Field(min_length=1, max_length=4096)] = Field(
-        description="an OBJ, STL or PLY file in the task file's folder, or in a folder of it"
+        description="an OBJ, STL, PLY, GLB, 3MF or STEP file in the task file's folder, or in a "
+        "folder of it"
     )
     scale: Annotated[float, Field(ge=1e-9, le=1e9)] = Field(
-        1.0, description="factor that converts the file's lengths to metres, 0.001 for mm"
+        1.0,
+        description="factor that converts the file's lengths to metres, 0.001 for mm; GLB, 3MF and "
+        "STEP are in metres already",
     )
     centre_m: Spatial | None = Field(
         None,

@@ -7,21 +7,26 @@ import re
 import time
 import zlib
 from collections.abc import Callable, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
 
 from skillplan.errors import OptionError
+from skillplan.files.atomic_file import write_whole
+from skillplan.files.folder import get_cache_folder
 from skillplan.files.regular_file import RefusedFile, read_bytes, resolve_within
 from skillplan.workers.executor import Answer, Ended, News, Prepare, Worker, pack_content
 from skillplan.workers.executor import tell as send_news
 from skillplan.workers.local_processes import LocalProcesses
 from skillplan.workers.processes import measure_resident_bytes_of
-from skillplan_cad.product import Vector
+from skillplan_cad.product import Points, Triangles, Vector
+from skillplan_cad.reading.mending import join
 from skillplan_cad.reading.raw_part import Mended, RawProduct
 
 if TYPE_CHECKING:
@@ -32,6 +37,8 @@ _REMEDY = "Save it from CAD anew as STEP (AP203, AP214 or AP242)"
 _GIB = 1024**3
 # Ten times the duration of slow files.
 _LEAST_S, _S_A_MEGABYTE = 120.0, 6.0
+# Raised whenever the same file is meshed otherwise.
+_FORMAT = 1
 # Interval of reports of progress [s].
 _PATIENCE_S = 2.0
 Report = Callable[[str], None]
@@ -198,6 +205,53 @@ def read_step(path: Path, chord_m: float, report: Report | None = None) -> RawPr
             raise OptionError(f"{path}: {NOT_FINITE}{_describe_remedy(NOT_FINITE, content)}.")
     name = whole.name or path.name.partition(".")[0]
     return RawProduct(name, tuple(parts), unit, chord_m, whole.notes, (*notes, *more))
+
+
+# Chords at which a part of a task is meshed [m]; largest number of its corners.
+_PART_CHORDS_M, _MOST_CORNERS = (5e-5, 2e-4, 1e-3), 5_000
+
+
+def mesh_step(content: bytes) -> tuple[Points, Triangles]:
+    """Return the closed surface of all solids of a STEP file [m]; the entry point `step`.
+
+    The mesh has at most 5,000 corners if a chord of 1 mm allows that. It is cached on disk.
+
+    Raises
+    ------
+    OptionError
+        If the file is unreadable, or a solid is open.
+    """
+    key = hashlib.sha256(b"%d" % _FORMAT + content).hexdigest()
+    kept = get_cache_folder() / "step" / key
+    # A missing or damaged copy is made anew.
+    with suppress(OSError, KeyError, SafetensorError):
+        stored = load(read_bytes(kept, MOST_BYTES))
+        return stored["corners"], stored["faces"]
+    with TemporaryDirectory(prefix="skillplan-") as folder:
+        path = Path(folder) / "part.step"
+        path.write_bytes(content)
+        for chord_m in _PART_CHORDS_M:
+            try:
+                meshes = read_step(path, chord_m).parts
+            except OptionError as error:
+                raise OptionError(f"It{str(error).removeprefix(f'{path}:')}") from None
+            if sum(len(mesh.part.vertices_m) for mesh in meshes) <= _MOST_CORNERS:
+                break
+    if any(mesh.open_edges for mesh in meshes):
+        raise OptionError("It is not closed, a surface; save a solid.")
+    whole = join("part", list(meshes)).part
+    with suppress(OSError):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(
+            kept,
+            save(
+                {
+                    "corners": np.ascontiguousarray(whole.vertices_m),
+                    "faces": np.ascontiguousarray(whole.triangles),
+                }
+            ),
+        )
+    return whole.vertices_m, whole.triangles
 
 
 def hash_step(path: Path) -> str:
