@@ -25,8 +25,10 @@ _TESTED: Final = 150
 # links with one link between them, which are rarely near each other in earnest, a smaller share.
 _COUNTED: Final = 60
 _SHARE, _NEAR_SHARE = 0.5, 0.2
-# Depth below the base at which a shape of the first link is cut [m].
-_BURIED_M: Final = 0.005
+# Height above the underside of the base at which a shape of the first link is cut [m].
+_CLEAR_M: Final = 0.01
+# Height up to which the underside of a shape of the base counts as a foot [m].
+_FOOT_M: Final = 0.01
 # Gap that counts as free, and depth that counts as an overlap [m].
 _GAP_M: Final = 0.005
 _DEEP_M: Final = 0.003
@@ -81,7 +83,9 @@ def _cut_at_ground(arm: ArmDescription) -> ArmDescription:
     """Return an arm whose first link has no shape below the base."""
     if len(arm.shapes) < 2 or not arm.shapes[0] or not arm.shapes[1]:
         return arm
-    ground_m = min(float(list_corners(shape)[:, 2].min()) for shape in arm.shapes[0])
+    feet_m = [float(list_corners(shape)[:, 2].min()) for shape in arm.shapes[0]]
+    # A base that stands at its origin may have a coarse shape that reaches deeper.
+    ground_m = max((foot_m for foot_m in feet_m if foot_m <= _FOOT_M), default=min(feet_m))
     frame = compute_link_frames(arm, np.array([arm.home_rad]))[1][0]
     kept = tuple(
         piece
@@ -104,8 +108,9 @@ def _cut_below(shape: LinkShape, height: Numbers, ground_m: float) -> LinkShape 
         Row that gives the height of a point in the frame of the shape, shape (4,).
     """
     corners = list_corners(shape)
-    above_m = corners @ height[:3] + height[3] - ground_m
-    if above_m.min() >= -_BURIED_M:
+    # The gap keeps it clear of what the base stands on.
+    above_m = corners @ height[:3] + height[3] - ground_m - _CLEAR_M
+    if above_m.min() >= 0:
         return shape
     up, down = corners[above_m > 0], corners[above_m < 0]
     over_m, under_m = above_m[above_m > 0][:, None], -above_m[above_m < 0][None, :]
@@ -154,14 +159,9 @@ class _Solids:
         self._solids = [
             (body, *_outline(shape)) for body, shapes in enumerate(arm.shapes) for shape in shapes
         ]
-        count = len(self._solids)
+        bodies = np.array([body for body, _, _ in self._solids], dtype=np.int64)
         # Neighbours are left out, as in checks of paths.
-        self._pairs = [
-            (one, other)
-            for other in range(count)
-            for one in range(other)
-            if self._solids[other][0] - self._solids[one][0] >= 2
-        ]
+        self._pairs = np.argwhere(bodies[np.newaxis] - bodies[:, np.newaxis] >= 2)
 
     def find_contacts(self, frames: list[Numbers], gap_m: float) -> frozenset[tuple[int, int]]:
         """Return the pairs of bodies nearer than a gap, 0 for the base; < 0 for a depth [m]."""
@@ -173,16 +173,20 @@ class _Solids:
             centre = moved.mean(axis=0)
             radius_m = float(np.linalg.norm(moved - centre, axis=1).max())
             placed.append((moved, normals, planes[:, 3] - normals @ origin, centre, radius_m))
-        touching = set()
-        for one, other in self._pairs:
+        touching: set[tuple[int, int]] = set()
+        if not len(self._pairs):
+            return frozenset()
+        centres = np.array([solid[3] for solid in placed])
+        radii_m = np.array([solid[4] for solid in placed])
+        ones, others = self._pairs.T
+        apart_m = np.linalg.norm(centres[ones] - centres[others], axis=1)
+        near = apart_m <= radii_m[ones] + radii_m[others] + gap_m
+        for one, other in self._pairs[near].tolist():
             key = (self._solids[one][0], self._solids[other][0])
             if key in touching:
                 continue
-            first, second = placed[one], placed[other]
-            apart_m = float(np.linalg.norm(first[3] - second[3]))
-            if apart_m > first[4] + second[4] + gap_m or _is_apart(first[:3], second[:3], gap_m):
-                continue
-            touching.add(key)
+            if not _is_apart(placed[one][:3], placed[other][:3], gap_m):
+                touching.add(key)
         return frozenset(touching)
 
 

@@ -712,7 +712,16 @@ class UrdfTree:
                 steps += 1
             if LEAST_JOINTS <= joints <= MOST_JOINTS and self._ends_chain(link):
                 tips.append((link, joints))
-        tips.sort(key=lambda tip: (_rank_name(tip[0]), self._is_finger(tip[0]), -tip[1], tip[0]))
+        # A flange is a mere frame.
+        tips.sort(
+            key=lambda tip: (
+                _rank_name(tip[0]),
+                self._is_finger(tip[0]),
+                -tip[1],
+                self.links[tip[0]].first("collision") is not None,
+                tip[0],
+            )
+        )
         return tips
 
     def _is_finger(self, link: str) -> bool:

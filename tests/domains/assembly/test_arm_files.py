@@ -254,7 +254,7 @@ def test_without_the_library_the_first_use_is_named(tmp_path, monkeypatch):
         )
     )
     arm = read_arm(tmp_path, "arm.urdf", "flange", [0.1] * 6)[0]
-    assert arm.assumptions == ("1 xacro element passed over, because nothing uses it",)
+    assert arm.assumptions[0] == "1 xacro element passed over, because nothing uses it"
     (tmp_path / "arm.urdf").write_text(
         (tmp_path / "arm.urdf").read_text().replace("0 0 0.42", "0 0 ${a_m}")
     )
