@@ -249,6 +249,14 @@ class TestRuns:
         refusal = cli("benchmark", "auto", *words, "--time-limit", "1").refusal
         assert "was begun with another search_limit_s: 10.0 there, 1.0 now" in refusal
 
+    def test_a_file_with_rows_of_another_benchmark_is_not_continued(self, cli, submission):
+        """Its tasks differ, so its rows compare with nothing."""
+        document = json.loads(submission.read_text("utf-8"))
+        document["rows"][0]["sha256"] = "0" * 64
+        submission.write_text(json.dumps(document), "utf-8")
+        refusal = cli("benchmark", "exact", "--only", SMALL, "--out", str(submission)).refusal
+        assert "that is not of this benchmark" in " ".join(refusal.split())
+
     def test_a_submission_has_the_keys_of_its_schema(self, submission):
         """The published schema has those of the model that reads it."""
         document = json.loads(submission.read_text("utf-8"))

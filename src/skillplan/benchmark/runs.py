@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -81,7 +81,6 @@ class Campaign:
     search_limit_s: float = SEARCH_LIMIT_S
     learning_limit_s: float = LEARNING_LIMIT_S
     steps: int = STEPS
-    all_instances: Sequence[Instance] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         for name in self.agents:
@@ -114,7 +113,7 @@ class Campaign:
         """Return the document without rows."""
         return Submission(
             skillplan=__version__,
-            benchmark=hash_instances(self.all_instances or self.instances),
+            benchmark=hash_instances(self.instances),
             machine=describe_machine(),
             jobs=self.jobs,
             search_limit_s=self.search_limit_s,
@@ -139,7 +138,9 @@ class ResultFile:
     path
         The file; None for none.
     campaign
-        The campaign. A file with other limits or instances is refused.
+        The campaign. A file with other limits is refused.
+    instances
+        All instances. A file with others is refused.
 
     Attributes
     ----------
@@ -152,14 +153,15 @@ class ResultFile:
         If the file is of another campaign, or cannot be read or written.
     """
 
-    def __init__(self, path: str | None, campaign: Campaign) -> None:
+    def __init__(self, path: str | None, campaign: Campaign, instances: Iterable[Instance]) -> None:
+        self._known = {each.name: each for each in instances}
         self._path = None if path is None else Path(path)
         self._written_s = -1e9
         self.submission = campaign.begin()
         if path is None or not Path(path).exists():
             return
         before, now = read_submission(path), self.submission
-        for key in ("skillplan", "benchmark", "search_limit_s", "learning_limit_s", "steps"):
+        for key in ("skillplan", "search_limit_s", "learning_limit_s", "steps"):
             was, is_now = getattr(before, key), getattr(now, key)
             if was != is_now:
                 raise OptionError(
@@ -168,6 +170,13 @@ class ResultFile:
                 )
         agents = {**before.agents, **now.agents}
         kept = [row for row in before.rows if row.status is not Status.FAILED]
+        for row in kept:
+            instance = self._known.get(row.instance)
+            if instance is None or row.sha256 != instance.sha256:
+                raise OptionError(
+                    f"--out {path}: has a row of {row.instance} that is not of this benchmark. "
+                    "Name a new file."
+                )
         self.submission = now.model_copy(update={"agents": agents, "rows": kept})
 
     @property
@@ -189,6 +198,10 @@ class ResultFile:
         OptionError
             If it cannot be written.
         """
+        named = dict.fromkeys(row.instance for row in self.submission.rows)
+        if named:
+            digest = hash_instances(self._known[name] for name in named)
+            self.submission = self.submission.model_copy(update={"benchmark": digest})
         if self._path is None:
             return
         self._written_s = time.monotonic()

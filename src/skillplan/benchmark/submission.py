@@ -107,7 +107,7 @@ class Submission(Strict):
         default="skillplan.benchmark/1", alias="schema"
     )
     skillplan: str = Field(description="version of skillplan")
-    benchmark: str = Field(description="hash of the names, tasks and optima of all instances")
+    benchmark: str = Field(description="hash of names, tasks and optima of the instances")
     machine: str = Field(description="processor, cores and system")
     jobs: int = Field(ge=1, description="number of processes at once")
     search_limit_s: float = Field(gt=0, description="time limit of a search [s]")

@@ -182,12 +182,11 @@ def command(
         search_limit_s=time_limit_s or SEARCH_LIMIT_S,
         learning_limit_s=time_limit_s or LEARNING_LIMIT_S,
         steps=steps,
-        all_instances=known,
     )
-    return _run(campaign, out, style)
+    return _run(campaign, known, out, style)
 
 
-def _run(campaign: Campaign, out: str | None, style: str) -> int:
+def _run(campaign: Campaign, known: list[Instance], out: str | None, style: str) -> int:
     """Run agents, print their table, and return the exit code."""
     import sys
 
@@ -199,7 +198,7 @@ def _run(campaign: Campaign, out: str | None, style: str) -> int:
     from skillplan.records.result import Status
     from skillplan.views.tables.benchmark import tabulate_agents, tabulate_rows
 
-    file = ResultFile(out, campaign)
+    file = ResultFile(out, campaign, known)
     file.write()
     every = campaign.list_runs()
     done = file.done
@@ -221,7 +220,7 @@ def _run(campaign: Campaign, out: str | None, style: str) -> int:
             file.write()
         interrupted = count.interrupted
     submission = file.submission
-    instances = {each.name: each for each in campaign.all_instances}
+    instances = {each.name: each for each in known}
     tables = tabulate_agents(submission, instances)
     if style == "csv":
         tables.append(tabulate_rows(submission, instances))
