@@ -232,10 +232,10 @@ def submission(rows, tmp_path):
 class TestRuns:
     def test_agents_are_compared_with_intervals_over_instances(self, cli, in_this_process):
         """Shares after Wilson, no interval over seeds; a solver that refuses is named."""
-        done = cli("benchmark", "auto", "random", "--only", "board-06-[12]", "--steps", "300")
+        done = cli("benchmark", "exact", "random", "--only", "board-06-[12]", "--steps", "300")
         assert 0 == done.code
-        auto = next(line for line in done.out.splitlines() if line.startswith("auto"))
-        assert ["2", "100", "(34-100)", "100", "(34-100)", "100", "(34-100)"] == auto.split()[1:8]
+        exact = next(line for line in done.out.splitlines() if line.startswith("exact"))
+        assert ["2", "100", "(34-100)", "100", "(34-100)", "100", "(34-100)"] == exact.split()[1:8]
         assert "95 % intervals over instances" in done.out
         assert "4 runs of 4 to do, 1.4 min at most on 1 process" in done.err
 

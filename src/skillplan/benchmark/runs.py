@@ -18,6 +18,7 @@ from skillplan.benchmark.submission import Row, Submission, read_submission
 from skillplan.errors import OptionError, SkillplanError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import format_document
+from skillplan.pipeline import registry
 from skillplan.plugins.blame import ends_program
 from skillplan.records import schemas
 from skillplan.records.result import Status
@@ -28,8 +29,12 @@ SEARCH_LIMIT_S = 10.0
 LEARNING_LIMIT_S = 30.0
 STEPS = 10_000
 _PURPOSE = "the benchmark"
-# A run that goes on is ended this long after its limit [s]: agents are imported, plans replayed.
-_GRACE_S = 30.0
+# Agents that have run in this process.
+_loaded: set[str] = set()
+# A run that goes on is ended this long after its limit [s]: kernels are loaded, plans replayed.
+_GRACE_S = 120.0
+# Time limit of the first run of an agent in a process, which does not count [s].
+_LOADING_S = 0.5
 # Expected time of a run beyond its limit: start of the process and replay [s].
 _OVERHEAD_S = 1.0
 # The file of the results is written at most this often [s].
@@ -270,9 +275,26 @@ def _prepare(_: None) -> Callable[[Run], Row]:
     return do_run
 
 
+def _load_kernels(each: Run) -> None:
+    """Run an agent for a moment, so that its libraries and kernels are loaded before the clock."""
+    if each.agent in _loaded:
+        return
+    _loaded.add(each.agent)
+    if each.agent in registry.names("solver"):
+        from skillplan.solvers.auto import AutoSolver
+        from skillplan.solvers.ordering.solver import SequencingSolver
+
+        if issubclass(registry.load("solver", each.agent), AutoSolver | SequencingSolver):
+            from skillplan.solvers.ordering.portfolio import warm_up
+
+            warm_up()
+    run(each.instance, each.instance.load(), each.agent, _LOADING_S, each.seed, steps=1)
+
+
 def do_run(each: Run) -> Row:
     """Do a run; its errors become part of the row."""
     try:
+        _load_kernels(each)
         task = each.instance.load()
         instance = each.instance
         result = run(instance, task, each.agent, each.limit_s, each.seed, each.steps)
