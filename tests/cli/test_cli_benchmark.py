@@ -357,7 +357,7 @@ FORGERIES = {
     "no plan exists": (
         0,
         lambda row: {"status": "infeasible", "cost": None, "lower_bound": None},
-        "it claims that there is no plan",
+        "it claims that no plan exists",
     ),
     "a lower expectation": (-1, lambda row: {"cost": row["cost"] * 0.99}, "it claims the cost"),
     "no policy": (-1, lambda row: {"policy": None}, "the policy says nothing in"),

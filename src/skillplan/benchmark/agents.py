@@ -165,7 +165,7 @@ class FastDownward(Solver):
             return Solution(proved=True)
         if task is None or answer.cost is None:
             return Solution(trace={"reason": answer.silence})
-        # Costs of the whole plan are those of the model, not the rounded ones.
+        # The model has exact costs; the planner rounds them.
         skills = [model.task.skill(name) for name in answer.skills]
         cost = replay(model, skills).cost
         rounding = task.scale.rounding(len(skills))
@@ -184,8 +184,8 @@ class RandomEpisodes(Solver):
         self._steps = steps
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Refuse chance: an episode is no policy."""
-        return None if model.task.deterministic else "an episode is no policy under chance"
+        """Refuse chance, under which only a policy is an answer."""
+        return None if model.task.deterministic else "chance needs a policy, not an episode"
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Return the cheapest episode within the steps and the time limit."""
@@ -240,22 +240,22 @@ class ForeignLearner(Solver):
         learner = _construct(self._factory, env, seed % _SEEDS)
         for method in ("learn", "predict"):
             if not callable(getattr(learner, method, None)):
-                made = type(learner).__name__
-                raise SolverError(f"{self.name} made a {made} without {method}().")
+                kind = type(learner).__name__
+                raise SolverError(f"{self.name} made a {kind} without {method}().")
         # If the time is up, the policy so far is the answer.
         with suppress(_TimeIsUp):
             learner.learn(total_timesteps=self._steps)
         fresh = SkillModel(model.feasibility)
         policy = _GreedyPolicy(learner, fresh)
         fault = _find_fault(policy, fresh)
-        found = None if fault else policy
-        return Solution(found, trace={"steps": env.steps, **({"reason": fault} if fault else {})})
+        answer = None if fault else policy
+        return Solution(answer, trace={"steps": env.steps, **({"reason": fault} if fault else {})})
 
 
 def _find_fault(policy: Mapping[State, Skill], model: SkillModel) -> str:
     """Return the reason why a policy does not complete a task; empty if it does.
 
-    A learner makes no claim about its policy, so a step that is infeasible is no false claim.
+    A learner makes no claim about its policy, so an infeasible step is not a false claim.
     """
     value = None if model.task.deterministic else evaluate_policy(model, policy.get)
     if value is not None:

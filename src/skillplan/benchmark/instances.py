@@ -26,7 +26,7 @@ PROOF_GAP = 1e-5
 """Gap of cost and bound that counts as a proof, as a fraction: a planner rounds costs."""
 
 _PACKAGE = Path(skillplan.__file__).parent
-# A wheel holds the files in the package, a checkout beside the sources.
+# A wheel holds the files in the package, a checkout next to the sources.
 _FOLDERS = (
     _PACKAGE / "configs",
     _PACKAGE.parents[1] / "configs",

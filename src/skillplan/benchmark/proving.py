@@ -122,8 +122,8 @@ def run(
 ) -> Result:
     """Run an agent on a task and have its answer judged; a failure is a failed result."""
     # Made before the clock starts, because imports are not part of a run.
-    made = make_agent(agent, steps)
-    solver = agent if agent in registry.names("solver") else made
+    ready = make_agent(agent, steps)
+    solver = agent if agent in registry.names("solver") else ready
     stop = Stop(time_limit_s=limit_s)
     request = SearchRequest(task, solver, instance.setup, seed, stop)
     return grade(request, search(request))

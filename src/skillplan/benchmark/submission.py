@@ -173,7 +173,7 @@ def _find_fault(row: Row, instance: Instance, task: Task) -> str:
     if row.sha256 != task.sha256:
         return f"it is for another task, {row.sha256[:12]} instead of {task.sha256[:12]}"
     if row.status is Status.INFEASIBLE and instance.status == "optimal":
-        return f"it claims that there is no plan; one costs {instance.optimum:.10g}"
+        return f"it claims that no plan exists; a plan costs {instance.optimum:.10g}"
     bound, optimum = row.lower_bound, instance.optimum
     slack = PROOF_GAP * max(1.0, optimum or 0.0)
     if bound is not None and optimum is not None and bound > optimum + slack:
@@ -201,9 +201,9 @@ def _judge(row: Row, instance: Instance, task: Task) -> Result:
     ungraded = describe(request)
     try:
         if task.deterministic:
-            found: Plan | Policy = Plan(tuple(row.skills or ()))
+            answer: Plan | Policy = Plan(tuple(row.skills or ()))
         else:
-            found = Policy(
+            answer = Policy(
                 {
                     task.facts.of(*filter(None, state.split(", "))): task.skill(skill)
                     for state, skill in (row.policy or {}).items()
@@ -213,4 +213,4 @@ def _judge(row: Row, instance: Instance, task: Task) -> Result:
         return replace(ungraded, reason=f"it is not for this task: {error}")
     model = make_model(task, instance.setup)
     with closing(model.feasibility):
-        return judge(ungraded, Solution(found), model, unknown_met=False, audit=False)
+        return judge(ungraded, Solution(answer), model, unknown_met=False, audit=False)
