@@ -55,7 +55,7 @@ demo: .venv/.demo try-web  ## the board to its proven optimum, also by physics a
 	  '  compare         all orders tried, and a search with proof: the same optimum' \
 	  '  compare         the bench: planned, learned and solved by dynamic programming' \
 	  '  search-optimal  the board, 1.86709 m, proved; a file of TSPLIB; the board by physics, of two engines where pybullet is' \
-	  '  train           DQN learns the board, and is held to the proved optimum' \
+	  '  train           DQN with an action mask learns the board, compared with the proved optimum' \
 	  '  report          one page on the board, its plan executed by a simulated arm' \
 	  '' 'Open the page: file://$(abspath $(PAGE))'
 

@@ -21,7 +21,7 @@ import os
 import statistics
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Barrier
@@ -86,15 +86,12 @@ class Share:
         Wall and processor time [s].
     updates, learned_from
         Updates per environment step, and transitions in their batches.
-    completing
-        Number of greedy policies that complete the task.
     """
 
     wall_s: float
     cpu_s: float
     updates: float
     learned_from: float
-    completing: int
 
 
 class Clock:
@@ -225,7 +222,6 @@ def work(
                 cpu_s=sum(share.cpu_s for share in trained),
                 updates=statistics.mean(share.updates for share in trained),
                 learned_from=statistics.mean(share.learned_from for share in trained),
-                completing=sum(share.completing for share in trained),
             )
         )
     except Exception as error:
@@ -250,15 +246,7 @@ def train_dqn(setting: Setting, runs: int, steps: int, seed: int) -> Share:
     options = learner.options
     often = learner.derived([model.task for model in env.models]).get("updates", options.updates)
     updates = often * max(0, steps - options.warm_up) / steps
-    policies = [training.learned(run).policy for run in range(runs)]
-    completing = sum(
-        completes(
-            lambda seen, allowed, of=policy: int(of.greedy(seen[None], allowed[None])[0]),
-            setting.presentation,
-        )
-        for policy in policies
-    )
-    return Share(wall_s, cpu_s, updates, updates * options.batch, completing)
+    return Share(wall_s, cpu_s, updates, updates * options.batch)
 
 
 def train_baseline(setting: Setting, runs: int, steps: int, seed: int) -> Share:
@@ -266,7 +254,7 @@ def train_baseline(setting: Setting, runs: int, steps: int, seed: int) -> Share:
     from stable_baselines3 import DQN
 
     env = board(setting.presentation)
-    wall_s, cpu_s, updates, completing = 0.0, 0.0, 0, 0
+    wall_s, cpu_s, updates = 0.0, 0.0, 0
     for run in range(runs):
         clock = Clock()
         learner = DQN("MlpPolicy", env, seed=seed + run, device="cpu", **(setting.options or {}))
@@ -274,12 +262,8 @@ def train_baseline(setting: Setting, runs: int, steps: int, seed: int) -> Share:
         took_s = clock.read()
         wall_s, cpu_s = wall_s + took_s[0], cpu_s + took_s[1]
         updates += learner._n_updates
-        completing += completes(
-            lambda seen, allowed, of=learner: int(of.predict(seen, deterministic=True)[0]),
-            setting.presentation,
-        )
     per_step = updates / (runs * steps)
-    return Share(wall_s, cpu_s, per_step, per_step * learner.batch_size, completing)
+    return Share(wall_s, cpu_s, per_step, per_step * learner.batch_size)
 
 
 def board(presentation: Mapping[str, str]) -> Any:
@@ -289,23 +273,12 @@ def board(presentation: Mapping[str, str]) -> Any:
     return gymnasium.make("skillplan.env:skillplan/Task-v0", task=BOARD, **presentation)
 
 
-def completes(choose: Callable[[Any, Any], int], presentation: Mapping[str, str]) -> bool:
-    """Return whether a policy completes the board; `choose` gets observation and mask."""
-    env = board(presentation)
-    seen, info = env.reset(seed=0)
-    while True:
-        allowed = info["action_mask"].astype(bool)
-        seen, _, terminated, truncated, info = env.step(choose(seen, allowed))
-        if terminated or truncated:
-            return bool(terminated and info["verdict"] == "feasible")
-
-
 def print_table(rounds: list[list[list[Share]]], steps: int) -> None:
     """Print a row for every setting; rates and ratios are medians over the rounds."""
     print(
         f"{f'runs of {steps:,} steps':31} {'runs':>4} {'processes':>9} {'steps/s':>8} "
         f"{'a process':>9} {'ratio':>6} {'lowest':>6} {'by CPU time':>11} {'alike':>6} "
-        f"{'updates':>7} {'learned from':>12} {'complete':>9}"
+        f"{'updates':>7} {'learned from':>12}"
     )
     for at, setting in enumerate(SETTINGS):
         base_at = next(
@@ -336,14 +309,12 @@ def print_table(rounds: list[list[list[Share]]], steps: int) -> None:
             if other.options and abs(turns[i][0].updates - share.updates) < ALIKE
         ]
         equal = f"{statistics.median(alike):6.2f}" if alike else f"{'-':>6}"
-        completing = sum(share.completing for turns in rounds for share in turns[at])
         print(
             f"{setting.name:31} {runs:4} {setting.processes:9} "
             f"{rate:8,.0f} {rate / setting.processes:9,.0f} "
             f"{statistics.median(ratios):6.2f} {min(ratios):6.2f} "
             f"{statistics.median(by_cpu):11.2f} {equal} {share.updates:7.2f} "
-            f"{share.learned_from:12.1f} "
-            f"{f'{completing} of {runs * len(rounds)}':>9}"
+            f"{share.learned_from:12.1f}"
         )
     print(
         f"Updates and transitions are per step; ratios are to {BASELINE}'s defaults\nin as many "

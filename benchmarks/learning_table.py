@@ -9,8 +9,7 @@ board without a proof within `PROOF_S` is replaced by the next one.
 Run from the repository: ``python benchmarks/learning_table.py FILE [--sets board,generated]``.
 FILE has a JSON line for every finished cell, so an interrupted measurement continues there, several
 processes can share it (``--methods``), and ``--show`` prints the tables. Set ``OMP_NUM_THREADS=1``.
-Stable-Baselines3 and sb3-contrib are no dependencies of the project: the set ``baselines`` installs
-them into ``--folder``.
+The set ``baselines`` needs the extra `rl` of skillplan-torch.
 """
 
 from __future__ import annotations
@@ -46,8 +45,6 @@ from skillplan.training.family_training import GeneratedFamily
 from skillplan.training.policies import roll_out_greedily
 
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
-SB3_VERSION = "2.9.2"
-SB3_PACKAGES = ("stable-baselines3", "sb3-contrib")
 MASKS = ("none", "applicable", "feasible")
 BOARD_SEED, GENERATED_SEED = 1000, 300
 # Random boards: number, range of parts, and seed of the family.
@@ -72,7 +69,7 @@ METHODS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "ppo": ("ppo", {}),
     "ppo, counts": ("ppo", {"novelty": 3.0}),
     "ppo, imitation": ("ppo", {"imitation": 1.0}),
-    "counts, branching, imitation": (
+    "combined": (
         "dqn",
         {
             "exploration": "count",
@@ -167,25 +164,19 @@ def main() -> None:
     parser.add_argument("--masks", default=",".join(MASKS), help="masks, separated by commas")
     parser.add_argument("--methods", help="names, separated by commas; default: all of a set")
     parser.add_argument("--boards", type=int, default=BOARDS, help="number of random boards")
-    parser.add_argument("--folder", type=Path, help="where Stable-Baselines3 is, or is installed")
     parser.add_argument("--show", action="store_true", help="measure nothing")
     args = parser.parse_args()
     results = read(args.file)
-    wanted = args.sets.split(",")
-    if unknown := [name for name in wanted if name not in SETS]:
+    names = args.sets.split(",")
+    if unknown := [name for name in names if name not in SETS]:
         parser.error(f"--sets {','.join(unknown)}: known are {', '.join(SETS)}")
     if not args.show:
-        measure(args, wanted, results)
+        measure(args, names, results)
     print_tables(results)
 
 
 def measure(args: argparse.Namespace, sets: Sequence[str], results: dict[str, Any]) -> None:
     """Measure cells in order, and append each to the file."""
-    if "baselines" in sets:
-        if args.folder is None:
-            sys.exit("--sets baselines needs --folder DIR")
-        install(args.folder)
-        sys.path.insert(0, str(args.folder))
     for name in sets:
         for cell in cells_of(name, args, results):
             # Other processes may measure into the same file.
@@ -209,13 +200,14 @@ def cells_of(name: str, args: argparse.Namespace, results: dict[str, Any]) -> It
     if name == "generated":
         boards = list(proved_boards(args, results))
         for mask in ("applicable", "none", "feasible"):
+            # Runs without a mask are long, and end alike.
+            steps, runs = (20_000, 1) if mask == "none" else (10_000, 3)
             for method in COLUMNS:
-                steps = 20_000 if mask == "none" else 10_000
                 for board in boards:
-                    yield cell(board, method, "markov", mask, steps, 3, GENERATED_SEED)
+                    yield cell(board, method, "markov", mask, steps, runs, GENERATED_SEED)
         return
     rows: dict[str, tuple[Sequence[str], Sequence[str]]] = {
-        "board": ((*COLUMNS, "counts, branching, imitation"), ("markov", "paper")),
+        "board": ((*COLUMNS, "combined"), ("markov", "paper")),
         "ppo": (("ppo", "ppo, counts", "ppo, imitation", "ppo with planning"), ("markov", "paper")),
         "additions": (ADDITIONS, ("markov",)),
         "baselines": (("MaskablePPO", "SB3 DQN"), ("markov",)),
@@ -242,16 +234,16 @@ def cell(
 
 def proved_boards(args: argparse.Namespace, results: dict[str, Any]) -> Iterator[str]:
     """Yield random boards whose optimum is proved, as options of `generate assembly`."""
-    found = 0
+    count = 0
     for board in GeneratedFamily(SMALLEST, LARGEST).boards(3 * BOARDS, FAMILY_SEED):
-        if found == args.boards:
+        if count == args.boards:
             return
         name = (
             f"--parts {board.parts} --density {board.density} --tools {board.tools} "
             f"--seed {board.seed}"
         )
         if known_optimum(name, args.file, results)["proved"]:
-            found += 1
+            count += 1
             yield name
 
 
@@ -431,25 +423,12 @@ def replayed_cost(model: SkillModel, actions: Sequence[int]) -> float | None:
 
 def cheapest(evaluations: Sequence[Episode], run: int) -> float | None:
     """Return the lowest cost of a run's evaluations; None if none completed the task."""
-    costs = [one.cost for one in evaluations if one.run == run and one.cost is not None]
+    costs = [
+        evaluation.cost
+        for evaluation in evaluations
+        if evaluation.run == run and evaluation.cost is not None
+    ]
     return min(costs, default=None)
-
-
-def install(folder: Path, packages: Sequence[str] = SB3_PACKAGES) -> None:
-    """Install packages of Stable-Baselines3 into a folder, without their dependencies."""
-    command = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
-    for package in packages:
-        if (folder / f"{package.replace('-', '_')}-{SB3_VERSION}.dist-info").is_dir():
-            continue
-        release = f"{package}=={SB3_VERSION}"
-        run = subprocess.run(
-            (*command, "--no-deps", "--upgrade", "--target", str(folder), release),
-            capture_output=True,
-            text=True,
-        )
-        if run.returncode:
-            lines = run.stderr.strip().splitlines() or ["pip prints no reason"]
-            sys.exit(f"{release} cannot be installed into {folder}: {lines[-1]}")
 
 
 def train_sb3(cell: Cell) -> Trained:

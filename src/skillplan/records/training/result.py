@@ -578,7 +578,7 @@ class TrainingResult:
     def planned(self) -> bool:
         """True if runs planned their episodes with a learned model.
 
-        Their plans depend little on the seed, so costs of several seeds are no sample and get no
+        Their plans depend little on the seed, so costs of several seeds get no
         interval.
         """
         records = [run.training for run in self.outcomes if run.training is not None]
