@@ -272,7 +272,7 @@ _DOUBTED_RAD, _DOUBTED_RAD_PER_S = 4 * math.pi + 0.1, 40.0
 _MOVING = ("revolute", "continuous", "prismatic")
 # A base on such a joint is placed by the task.
 _LOOSE = ("floating", "planar")
-# Elements of xacro that are no macros, and change a file.
+# Elements of xacro, except macros, that change a file.
 _XACRO_WORDS = frozenset(
     {"include", "if", "unless", "insert_block", "call", "element", "attribute"}
 )
@@ -318,7 +318,7 @@ def parse_urdf(content: bytes, read_mesh: ReadMesh) -> UrdfTree:
     Raises
     ------
     UrdfError
-        If the file is no URDF, or its tree is broken.
+        If the file is not a URDF, or its tree is broken.
     """
     root = parse_root(content)
     xacro = find_xacro(root)
@@ -368,7 +368,7 @@ class Xacro:
 
 
 def find_xacro(root: Element) -> Xacro:
-    """Return the use of xacro in a file; a declared name space alone is no use."""
+    """Return the use of xacro in a file; a declared name space alone does not count."""
     prefixes = {
         key.removeprefix("xmlns:") + ":"
         for key, value in root.attributes.items()
@@ -524,7 +524,7 @@ class Notes:
             (self.still, "joints beside the chain stand still: {}"),
             (
                 self.beyond,
-                "joints beyond the tip, {}: left out with all that they carry, because tools are "
+                "joints beyond the tip, {}: left out with everything on them, because tools are "
                 "part of the task",
             ),
             (
@@ -534,8 +534,8 @@ class Notes:
             (self.fast, "speeds of {} rad/s: are these degrees per second?"),
             (self.followers, "shapes that follow a joint of the chain, {}: left out"),
         )
-        told = [words.format(_join_names(names)) for names, words in texts if names]
-        return (*told, *self.doubts)
+        sentences = [words.format(_join_names(names)) for names, words in texts if names]
+        return (*sentences, *self.doubts)
 
 
 _MOST_NAMES = 8
@@ -855,7 +855,7 @@ class _Bodies:
         self._chain = {segment.element.attributes["name"]: segment for segment in segments}
 
     def collect(self, link: str, is_last: bool) -> tuple[list[Mass], list[LinkShape]]:
-        """Return masses and shapes of a link and of all that does not move against it.
+        """Return masses and shapes of a link and of everything fixed to it.
 
         Parameters
         ----------

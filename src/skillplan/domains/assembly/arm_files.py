@@ -35,7 +35,7 @@ _SCHEMES: Final = ("package://", "model://")
 # Levels above a file that are searched for its package.
 _LEVELS: Final = 5
 _PACKAGE_FILE: Final = "package.xml"
-# Folders of a package that hold descriptions, beside those of meshes.
+# Folders of a package that hold descriptions, next to folders of meshes.
 DESCRIPTION_FOLDERS: Final = ("urdf", "robots", "robot", "model", "models", "xacro")
 # Number of files of a package that are searched for a mesh of another package.
 _MOST_FILES: Final = 5_000
@@ -70,7 +70,7 @@ def read_arm(
     folder
         Folder of the task file, which must contain the file.
     home_rad
-        Home posture [rad], of prismatic joints [m]; None for one that is found.
+        Home posture [rad], of prismatic joints [m]; None to find one.
     packages
         Folders of ROS packages, or folders that contain them; relative ones begin at `folder`.
     xacro_args

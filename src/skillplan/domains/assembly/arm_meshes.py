@@ -109,7 +109,7 @@ def _get_unit(content: bytes, suffix: str) -> float:
     except ValueError:
         length_m = math.nan
     if not (math.isfinite(length_m) and length_m > 0):
-        raise ArmMeshError("Its <unit> is no length; save it again.")
+        raise ArmMeshError("Its <unit> has no positive length; save it again.")
     return length_m
 
 

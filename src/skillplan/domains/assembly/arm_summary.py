@@ -216,7 +216,7 @@ def summarize_arm(path: str, changes: Mapping[str, str]) -> ArmSummary:
     tips = [tip for tip, _ in tree.list_tips()]
     tip = robot.get("tip") or next(iter(tips), None)
     if tip is None:
-        words = "between 4 and 8 joints in a row move in no chain of it, so it is no arm."
+        words = "it has no chain of 4 to 8 moving joints. Give a file of an arm."
         raise TaskError(path, [Issue(words)])
     try:
         config = RobotConfig.model_validate({**robot, "tip": tip}, context={"folder": folder})

@@ -112,7 +112,7 @@ class _Guard:
     def __init__(self, path: Path, packages: PackageFolders, most_bytes: int) -> None:
         self.packages, self.most_bytes = packages, most_bytes
         self.allowed = [Path(os.path.realpath(folder)) for folder in packages.list_allowed()]
-        self.found: list[Path] = []
+        self.packages_read: list[Path] = []
         self.files = self.expressions = self.elements = 0
 
     @contextlib.contextmanager
@@ -157,7 +157,7 @@ class _Guard:
         if self.files > _MOST_FILES:
             raise _Refusal(f"it includes more than {_MOST_FILES} files")
         real = Path(os.path.realpath(name))
-        for folder in (*self.allowed, *self.found):
+        for folder in (*self.allowed, *self.packages_read):
             if real.is_relative_to(folder):
                 break
         else:
@@ -183,7 +183,7 @@ class _Guard:
             folder = self.packages.find_package(package)
         except CompanionFileError as error:
             raise _Refusal(str(error).rstrip(".")) from None
-        self.found.append(Path(os.path.realpath(folder)))
+        self.packages_read.append(Path(os.path.realpath(folder)))
         return str(folder)
 
     def _limit(self, evaluate: Callable[..., Any]) -> Callable[..., Any]:
