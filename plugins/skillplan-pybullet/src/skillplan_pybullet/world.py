@@ -320,11 +320,14 @@ class World:
         self.name(number, body.name)
         self._filter.added(body.name)
         self.put(body.name, pose)
-        inertia = {} if is_fixed else {"localInertiaDiagonal": properties.inertia_kg_m2.tolist()}
+        details = {} if is_fixed else {"localInertiaDiagonal": properties.inertia_kg_m2.tolist()}
+        if is_fixed and body.surfaces:
+            # Otherwise Bullet pushes against parts that pass the edges of a hole within its play.
+            details["contactProcessingThreshold"] = 0.0
         pybullet.changeDynamics(
             number,
             -1,
-            **inertia,
+            **details,
             lateralFriction=self.friction,
             spinningFriction=0.001,
             rollingFriction=_get_rolling_m(body),
