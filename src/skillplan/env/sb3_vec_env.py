@@ -93,7 +93,7 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc]
         Raises
         ------
         gymnasium.error.ResetNeeded
-            If the environment was not reset, or there are no actions.
+            If the environment was not reset, or no actions were sent.
         gymnasium.error.InvalidAction
             If the number of actions differs, or an action does not exist.
         """

@@ -24,7 +24,7 @@ class Estimate:
     Parameters
     ----------
     low, high
-        The interval; None if there are too few runs, or runs are no samples.
+        The interval; None if there are too few runs, or runs are not samples.
 
     Raises
     ------
@@ -46,7 +46,7 @@ class Estimate:
 
     @property
     def bare(self) -> Estimate:
-        """The figure without its interval, for runs that are no samples."""
+        """The figure without its interval, for runs that are not samples."""
         return Estimate(self.value)
 
     def document(self) -> dict[str, Any]:

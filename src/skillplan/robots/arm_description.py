@@ -422,8 +422,8 @@ class ArmDescription:
             )
         if self.overlaps:
             pairs = ", ".join(
-                f"link {other} with {f'link {one}' if one else 'the base'}"
-                for one, other in self.overlaps
+                f"link {other_link} with {f'link {link}' if link else 'the base'}"
+                for link, other_link in self.overlaps
             )
             sentences.append(
                 f"contacts of {pairs} of {self.name}: their shapes overlap in most postures"

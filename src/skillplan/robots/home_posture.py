@@ -181,11 +181,11 @@ class _Solids:
         ones, others = self._pairs.T
         apart_m = np.linalg.norm(centres[ones] - centres[others], axis=1)
         near = apart_m <= radii_m[ones] + radii_m[others] + gap_m
-        for one, other in self._pairs[near].tolist():
-            key = (self._solids[one][0], self._solids[other][0])
+        for first_solid, second_solid in self._pairs[near].tolist():
+            key = (self._solids[first_solid][0], self._solids[second_solid][0])
             if key in touching:
                 continue
-            if not _is_apart(placed[one][:3], placed[other][:3], gap_m):
+            if not _is_apart(placed[first_solid][:3], placed[second_solid][:3], gap_m):
                 touching.add(key)
         return frozenset(touching)
 

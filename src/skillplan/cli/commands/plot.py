@@ -342,9 +342,9 @@ def _list_parameters(solver: str, options: dict[str, Any], task: Task) -> dict[s
     """Return all options of a solver, with values that it derives from the task."""
     from skillplan.pipeline.solving import make_solver
 
-    made: Any = make_solver(solver, options)
-    derived = made.derived([task]) if hasattr(made, "derived") else {}
-    return {**made.options.model_dump(), **derived}
+    configured: Any = make_solver(solver, options)
+    derived = configured.derived([task]) if hasattr(configured, "derived") else {}
+    return {**configured.options.model_dump(), **derived}
 
 
 def _list_film_suffixes(module: Any) -> tuple[str, ...]:

@@ -91,7 +91,7 @@ class SweepPlan:
     warm
         True to use verdicts stored on disk.
     seeded
-        True if the solver depends on the seed; otherwise its runs are no samples.
+        True if the solver depends on the seed; otherwise its runs are not samples.
 
     Raises
     ------

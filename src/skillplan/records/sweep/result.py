@@ -292,7 +292,7 @@ class SweepResult:
         )
 
     def _over_runs(self, estimate: Estimate | None) -> Estimate | None:
-        """Return an estimate over the runs, without its interval if they are no samples."""
+        """Return an estimate over the runs, without its interval if they are not samples."""
         return estimate if estimate is None or self.plan.seeded else estimate.bare
 
     def _learning_s(self, run: Sequence[StartOutcome]) -> float:

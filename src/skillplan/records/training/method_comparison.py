@@ -35,7 +35,7 @@ class Method:
     scores
         Scores of the runs on each task; an incomplete run scores 0.
     deterministic
-        True if seeds are no samples.
+        True if seeds are not samples.
     """
 
     name: str

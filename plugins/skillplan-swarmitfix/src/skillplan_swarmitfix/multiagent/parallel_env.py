@@ -83,7 +83,7 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
     NotMultiAgent
         If the task does not consist of agents that move between places of their own.
     OptionError
-        If the render mode is unknown, or there is no display for ``human``.
+        If the render mode is unknown, or no display is available for ``human``.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
