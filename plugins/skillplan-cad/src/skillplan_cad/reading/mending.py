@@ -608,10 +608,10 @@ def _pair_around_edge(
     forward = edges[:, 0] == start
     pairs = []
     free = set(np.flatnonzero(~forward).tolist())
-    for one in np.flatnonzero(forward):
+    for ahead in np.flatnonzero(forward):
         if not free:
             break
-        partner = min(free, key=lambda other: (angle[one] - angle[other] - 1e-6) % (2 * np.pi))
+        partner = min(free, key=lambda other: (angle[ahead] - angle[other] - 1e-6) % (2 * np.pi))
         free.discard(partner)
-        pairs.append((owner[one], owner[partner]))
+        pairs.append((owner[ahead], owner[partner]))
     return np.asarray(pairs, dtype=np.int64).reshape(-1, 2)

@@ -304,14 +304,14 @@ def _gather_references(path: Path, content: bytes) -> tuple[dict[str, bytes], li
             name = _decode_text(quoted)
             if name in files and name != main:
                 continue
-            found, words = _read_reference(path, name, left)
-            if found is None:
+            own_content, words = _read_reference(path, name, left)
+            if own_content is None:
                 # OCCT would look for it elsewhere.
                 files[own] = files[own].replace(b"'" + quoted + b"'", b"'%b'" % _NOWHERE.encode())
                 notes.setdefault(words)
                 continue
-            left -= len(found)
-            files[name] = found
+            left -= len(own_content)
+            files[name] = own_content
             todo.append(name)
     return files, list(notes)
 
