@@ -253,7 +253,7 @@ class TestTable:
             document = result.document()
             for key in ("completion", "deviation_iqm", "cost_iqm"):
                 assert (document[key]["ci95"] is None) is not explores, key
-            assert ("seeds of a planner are no sample" in text) is not explores
+            assert ("seeds of a planner do not form a sample" in text) is not explores
             assert ("interquartile mean 0.23 % (95 %" in text) is explores
 
     def test_below_stand_optimum_counts_intervals_and_what_failed(self, board):

@@ -288,7 +288,7 @@ def _describe_plans(result: TrainingResult) -> list[str]:
             last = f" to {steps[-1]:,}" if steps[-1] != steps[0] else ""
             note += f" after {steps[0]:,}{last} steps"
         if result.planned and len(records) > 1:
-            note += "; seeds of a planner are no sample, so their costs get no interval"
+            note += "; seeds of a planner do not form a sample, so their costs get no interval"
         notes.append(note)
     explores = sum(record.explores for record in records)
     if explores:
