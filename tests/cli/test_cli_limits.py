@@ -247,9 +247,9 @@ class TestStart:
         assert (2, True) == (outcome.code, "Name one of its tasks by --part" in outcome.err)
         outcome = cli("search-optimal", bench, *EXACT, *part, "--start", whole)
         assert (2, True) == (outcome.code, "is of the whole chain" in outcome.err)
-        other = ("--part", "heads-2")
+        other = ("--part", "base-1")
         outcome = cli("search-optimal", bench, *EXACT, *other, "--start", folder)
-        assert (2, True) == (outcome.code, "is of 'heads-1', not of 'heads-2'" in outcome.err)
+        assert (2, True) == (outcome.code, "is of 'heads-1', not of 'base-1'" in outcome.err)
 
 
 class TestDisplay:

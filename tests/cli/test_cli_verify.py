@@ -133,7 +133,7 @@ class TestAnHonestResult:
     def test_a_part_of_a_chain_is_verified_alone(self, cli, corner, tmp_path):
         """The result remembers which."""
         folder = str(tmp_path / "part")
-        cli("search-optimal", corner, *EXACT, "--part", "heads-2", "--out", folder)
+        cli("search-optimal", corner, *EXACT, "--part", "base-1", "--out", folder)
         claims = verified(cli, folder)
         assert {"holds"} == set(claims.values())
 

@@ -21,7 +21,7 @@ HARMLESS = {
         "pyyaml",
     ),
     *("rich", "safetensors", "typer"),
-    *("OCP", "embreex", "ezdxf", "optuna", "rosbags"),
+    *("cadquery-ocp-novtk", "embreex", "ezdxf", "optuna", "rosbags"),
 }
 
 
