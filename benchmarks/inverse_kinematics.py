@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from skillplan.robots.panda import PANDA
-from skillplan.robots.ur5e import UR5E
+from skillplan.robots.catalogue import PANDA, UR5E
 from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse, Unreached
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 from skillplan_pinocchio.kinematics.ur_inverse import UrInverse

@@ -30,7 +30,7 @@ OPENING_MODULES = {"tempfile", "shutil", "fcntl", "mmap", "filelock", "fileinput
 
 # Who opens something that no user handed over, and why.
 OPENS = {
-    "robots/arm_description.py": "the shapes of robots that lie in its package",
+    "robots/arm_description.py": "arms and shapes of robots that lie in its package",
     "workers/processes.py": "the process file system of Linux",
     "workers/local_processes.py": "the null device, for what libraries print",
     "workers/supervisor.py": "the lists of processes of Linux; a pipe that ends with its parent",

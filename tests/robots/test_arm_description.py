@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 
-from skillplan.robots import PANDA, UR5E, Joint, LinkInertia, Transform, panda
+from skillplan.robots import PANDA, UR5E, Joint, LinkInertia, Transform
 
 LINK = LinkInertia(2.0, (0.0, 0.0, 0.1), (0.02, 0.03, 0.04, 0.001, 0.002, 0.003))
 JOINT = Joint("elbow", Transform((0.1, 0.0, 0.2)), -2.0, 1.0, 3.0, 5.0, 80.0, LINK)
@@ -98,16 +98,6 @@ def test_modified_parameters_turn_before_they_move_along_z():
     from_modified_dh = Transform.from_modified_dh(0.3, 0.2, math.pi / 2)
     assert from_modified_dh.xyz_m == pytest.approx((0.3, -0.2, 0.0))
     assert from_modified_dh.rpy_rad == (math.pi / 2, 0.0, 0.0)
-
-
-def test_the_panda_has_the_figures_that_back_ends_use():
-    """They are stated once."""
-    assert panda.JOINT_LOW_RAD == PANDA.low_rad
-    assert panda.JOINT_HIGH_RAD == PANDA.high_rad
-    assert panda.JOINT_SPEED_RAD_PER_S == PANDA.speed_rad_per_s
-    assert panda.JOINT_ACCELERATION_RAD_PER_S2 == PANDA.acceleration_rad_per_s2
-    assert panda.JOINT_TORQUE_NM == PANDA.torque_nm
-    assert panda.READY_RAD == PANDA.home_rad
 
 
 def test_the_ur5e_weighs_what_its_maker_says_of_its_moving_links():

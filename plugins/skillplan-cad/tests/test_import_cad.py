@@ -118,7 +118,7 @@ def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
             "Did you mean 'block'",
             reason="imports first; a robot of no such name in every run",
         ),
-        ([SOURCE, "--robot", "pandas"], "must be one of panda, ur5e. Did you mean 'panda'"),
+        ([SOURCE, "--robot", "pandas"], "xarm7. Did you mean 'panda'"),
         ([SOURCE, "--tolerance", "20"], "must be from 0.001 to 10 mm"),
         ([SOURCE, "--tolerance", "nan"], "finite number"),
         ([SOURCE, "--directions", "all"], "is not one of 'axes'"),

@@ -9,7 +9,7 @@ import pytest
 
 from skillplan import load_problem
 from skillplan.physics import choose_grasp
-from skillplan.robots import panda
+from skillplan.robots import panda_hand
 from skillplan.task import Grasp, GraspKind
 
 ROOT = Path(__file__).parents[3]
@@ -60,7 +60,7 @@ def gripping(regrasped):
         grasps = {
             body.name: Grasp(GraspKind.SUCTION, (0.0, 0.0, body.height_m))
             for body in task.scene.bodies
-            if body.name in task.operations and choose_grasp(body).width_m > panda.OPENING_M
+            if body.name in task.operations and choose_grasp(body).width_m > panda_hand.OPENING_M
         }
         return regrasped(task, **grasps)
 

@@ -6,14 +6,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from skillplan.robots import panda
+from skillplan.robots import PANDA, TIP_M
 from skillplan_pinocchio import ArmModel, get_closing_yaw_rad, make_pose_down
 
 
 def postures(count):
     """Return joint angles within the limits, drawn evenly."""
     rng = np.random.default_rng(1)
-    return rng.uniform(panda.JOINT_LOW_RAD, panda.JOINT_HIGH_RAD, (count, 7))
+    return rng.uniform(PANDA.low_rad, PANDA.high_rad, (count, 7))
 
 
 def test_forward_kinematics_equal_those_of_the_published_description(panda_files):
@@ -24,7 +24,7 @@ def test_forward_kinematics_equal_those_of_the_published_description(panda_files
     hand = other.getFrameId("panda_hand")
     for joints in postures(200):
         pin.framesForwardKinematics(other, data, np.concatenate([joints, np.zeros(other.nq - 7)]))
-        expected = data.oMf[hand] * pin.SE3(np.eye(3), np.array([0.0, 0.0, panda.TIP_M]))
+        expected = data.oMf[hand] * pin.SE3(np.eye(3), np.array([0.0, 0.0, TIP_M]))
         position, rotation = arm.tip(joints)
         assert np.abs(position - expected.translation).max() < 1e-9
         assert np.abs(rotation - expected.rotation).max() < 1e-9
@@ -34,10 +34,10 @@ def test_the_limits_are_those_of_the_robot():
     """Positions, speeds and torques."""
     model = ArmModel().model
     assert model.nq == 7
-    assert tuple(model.lowerPositionLimit) == panda.JOINT_LOW_RAD
-    assert tuple(model.upperPositionLimit) == panda.JOINT_HIGH_RAD
-    assert tuple(model.velocityLimit) == panda.JOINT_SPEED_RAD_PER_S
-    assert tuple(model.effortLimit) == panda.JOINT_TORQUE_NM
+    assert tuple(model.lowerPositionLimit) == PANDA.low_rad
+    assert tuple(model.upperPositionLimit) == PANDA.high_rad
+    assert tuple(model.velocityLimit) == PANDA.speed_rad_per_s
+    assert tuple(model.effortLimit) == PANDA.torque_nm
 
 
 def test_the_arm_stands_where_its_base_is():
@@ -51,7 +51,7 @@ def test_the_arm_stands_where_its_base_is():
 
 def test_the_ready_pose_points_straight_down_in_front_of_the_base():
     """Tip below the wrist, hand across."""
-    position, rotation = ArmModel().tip(np.array(panda.READY_RAD))
+    position, rotation = ArmModel().tip(np.array(PANDA.home_rad))
     assert position[1] == pytest.approx(0.0, abs=1e-12)
     assert rotation[:, 2] == pytest.approx((0.0, 0.0, -1.0), abs=1e-12)
     assert get_closing_yaw_rad(rotation) == pytest.approx(-math.pi / 2)

@@ -12,6 +12,8 @@ from skillplan.robots import ARMS
 from skillplan.task import Robot
 from skillplan_pinocchio import ArmModel, Unreachable, iterate_elbows
 
+# Arms whose region was measured.
+RINGED = ("panda", "ur5e")
 CONFIGS = Path(__file__).parents[3] / "configs"
 
 PILLAR = """kind: assembly
@@ -66,14 +68,14 @@ def assert_points_down_all_over(name: str, steps: int, turns: int) -> None:
         assert any(not isinstance(posture, Unreachable) for posture in result), tip
 
 
-@pytest.mark.parametrize("name", sorted(ARMS))
+@pytest.mark.parametrize("name", RINGED)
 def test_where_the_arm_surely_points_down_a_posture_does(name):
     """However the hand is turned about the vertical."""
     assert_points_down_all_over(name, 2, 2)
 
 
 @pytest.mark.slow(reason="1,800 postures an arm; 18 in every run")
-@pytest.mark.parametrize("name", sorted(ARMS))
+@pytest.mark.parametrize("name", RINGED)
 def test_so_it_does_on_a_finer_lattice(name):
     assert_points_down_all_over(name, 14, 8)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from skillplan.physics import find_opening_m
-from skillplan.robots import panda
+from skillplan.robots import panda_hand
 from skillplan.task import Box, Robot, Tool, ToolKind
 from skillplan_pinocchio import ConvexPiece, build_hand_parts
 
@@ -25,7 +25,7 @@ def pieces(tool, opening_m=0.0, tip=(0.0, 0.0, 0.0), yaw_rad=0.0):
 
 def tip_frame(depths_m, along_m, across_m):
     """Return points given in the frame of the hand in that of its tip."""
-    return np.column_stack([along_m, across_m, panda.TIP_M - depths_m])
+    return np.column_stack([along_m, across_m, panda_hand.TIP_M - depths_m])
 
 
 def outside_m(points, piece):
@@ -86,7 +86,7 @@ def test_the_tip_is_the_lowest_point_of_whatever_is_attached(tool):
     low_m = [piece.low[2] for parts in pieces(tool).values() for piece in parts]
     high_m = [piece.high[2] for parts in pieces(tool).values() for piece in parts]
     assert min(low_m) == pytest.approx(0.0, abs=1e-12)
-    assert max(high_m) >= panda.TIP_M - 1e-12
+    assert max(high_m) >= panda_hand.TIP_M - 1e-12
 
 
 def test_the_closing_axis_follows_the_yaw():
@@ -118,4 +118,4 @@ def test_without_a_tool_the_arm_ends_at_its_flange():
 def test_jaws_open_as_the_task_says_but_no_wider_than_the_hand(opening_m, expected):
     """80 mm at most."""
     assert find_opening_m(Tool("gripper", "tool(gripper)", AT, opening_m=opening_m)) == expected
-    assert find_opening_m(None) == panda.OPENING_M
+    assert find_opening_m(None) == panda_hand.OPENING_M

@@ -19,6 +19,8 @@ from skillplan_pinocchio import ArmModel, GravityCheck
 from urdf_text import urdf_of
 
 SWEPT = Setup(collision=("swept",))
+# Arms whose masses are known, one of each structure.
+WEIGHED = ("gen3_7dof", "panda", "ur5e")
 
 
 def block(
@@ -114,7 +116,7 @@ def gravity_of(name: str) -> tuple[ArmModel, GravityCheck]:
     return arm, GravityCheck(arm, Scene((), (robot,)), robot)
 
 
-@pytest.mark.parametrize("name", sorted(ARMS))
+@pytest.mark.parametrize("name", WEIGHED)
 @given(
     seed=st.integers(0, 2**32 - 1),
     mass_kg=st.floats(0.01, 20),
@@ -134,7 +136,7 @@ def test_torques_equal_those_of_recursive_newton_euler(name, seed, mass_kg, wher
     assert result == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", sorted(ARMS))
+@pytest.mark.parametrize("name", WEIGHED)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_bound_on_all_postures_holds_in_each(name, seed):
     arm, gravity = gravity_of(name)

@@ -12,8 +12,7 @@ from typing import Final
 from skillplan.physics.engine import Engine
 from skillplan.physics.linear_motions import LinearMotion, plan_linear_motions
 from skillplan.robots.arm_description import ArmDescription
-from skillplan.robots.panda import PANDA
-from skillplan.robots.ur5e import UR5E
+from skillplan.robots.catalogue import PANDA, UR5E
 from skillplan.task.motion import Event, Point, Visit
 from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 Triple = tuple[float, float, float]
 """Three coordinates, or three angles."""
@@ -104,8 +105,16 @@ def read_hulls(name: str) -> tuple[tuple[Hull, ...], ...]:
     name
         File in the folder ``shapes``, without its suffix.
     """
-    path = Path(__file__).with_name("shapes") / f"{name}.json"
-    bodies = json.loads(path.read_text("utf-8"))["hulls_mm"]
+    return build_hulls(read_data(f"shapes/{name}.json")["hulls_mm"])
+
+
+def read_data(name: str) -> Any:
+    """Return a JSON file of this package; all numbers are floats."""
+    return json.loads((Path(__file__).parent / name).read_text("utf-8"), parse_int=float)
+
+
+def build_hulls(bodies: list[list[list[Triple]]]) -> tuple[tuple[Hull, ...], ...]:
+    """Return convex pieces from the corners of each piece of each body [mm]."""
     return tuple(
         tuple(Hull(tuple((x / 1e3, y / 1e3, z / 1e3) for x, y, z in hull)) for hull in hulls)
         for hulls in bodies

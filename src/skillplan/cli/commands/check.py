@@ -18,7 +18,7 @@ def command(
         typer.Argument(
             metavar="TASK",
             autocompletion=task_files,
-            help="A task file: YAML, or TSPLIB's .sop. Or a robot alone: .urdf or .xacro.",
+            help="A task file: YAML, or TSPLIB's .sop. Or a robot alone: .urdf, .xacro, or a name.",
             show_default=False,
         ),
     ],
@@ -46,9 +46,9 @@ def command(
     and --collision name other back ends, which also report their faults in the parts. Properties
     that the back ends of a search leave unchecked are listed.
 
-    If TASK is a URDF or xacro file, its arm is described: joints, tip at zero, reach, masses, and
-    what is assumed. --set robot.tip=LINK selects the tip; robot.packages and robot.xacro_args work
-    as in a task file.
+    If TASK is a URDF or xacro file, or an arm's name such as ur10e, the arm is described: joints,
+    tip at zero, reach, masses, and what is assumed. --set robot.tip=LINK selects the tip of a file;
+    robot.packages and robot.xacro_args work as in a task file.
     """
     from itertools import chain
 
@@ -59,10 +59,13 @@ def command(
     from skillplan.views.tables.questions import tabulate_checked
 
     limits.begin(graceful=False)
-    if task.lower().endswith((".urdf", ".xacro")):
+    if task.lower().endswith((".urdf", ".xacro")) or _is_arm(task):
         return _describe_arm(task, reading, style, picture)
+    _refuse_unknown_arm(task)
     if picture is not None:
-        raise OptionError("--picture draws a robot alone, from a .urdf or .xacro file.")
+        raise OptionError(
+            "--picture draws a robot alone, of a name or from a .urdf or .xacro file."
+        )
     problem = load_file(task, reading, back_ends, warn=False)
     setups = [make_setup(back_ends, task) for task in problem.tasks]
     back_ends_of = [
@@ -80,8 +83,29 @@ def command(
     return 0
 
 
+def _is_arm(name: str) -> bool:
+    """Return whether a name is that of an arm, and of no file here."""
+    import os
+
+    from skillplan.robots.catalogue import ARMS
+
+    return name in ARMS and not os.path.exists(name)
+
+
+def _refuse_unknown_arm(name: str) -> None:
+    """Raise OptionError if a task is no file and resembles the name of an arm."""
+    import os
+
+    from skillplan.errors import nearest
+    from skillplan.robots.catalogue import ARMS
+
+    similar = None if "." in name or os.path.exists(name) else nearest(name, ARMS)
+    if similar is not None:
+        raise OptionError(f"{name}: no such file or arm. Did you mean {similar!r}?")
+
+
 def _describe_arm(path: str, reading: Reading, style: Style, picture: str | None) -> int:
-    """Print the description of an arm from a file of its own, and draw it."""
+    """Print the description of an arm alone, and draw it."""
     from skillplan.cli.output import emit
     from skillplan.cli.showing import resolve_drawing_paths
     from skillplan.domains.assembly.arm_summary import summarize_arm

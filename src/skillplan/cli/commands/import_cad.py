@@ -201,7 +201,7 @@ def command(
         typer.Option(
             "--robot",
             metavar="ARM",
-            help="Arm of the written task: panda or ur5e.",
+            help="Arm of the written task: panda, ur5e, or another of `skillplan check`.",
             rich_help_panel=PLANNING,
         ),
     ] = "panda",

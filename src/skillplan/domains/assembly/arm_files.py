@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from skillplan.errors import nearest
 from skillplan.files.regular_file import (
     CompanionFileError,
     find_companion,
@@ -19,6 +20,7 @@ from skillplan.files.regular_file import (
     read_companion,
 )
 from skillplan.robots.arm_description import ArmDescription, Triple
+from skillplan.robots.catalogue import ARMS
 
 if TYPE_CHECKING:
     from skillplan.robots.urdf import UrdfTree
@@ -112,8 +114,11 @@ def read_tree(
     from skillplan.robots.urdf import UrdfError, find_xacro, parse_root, parse_urdf
 
     if not name.lower().endswith(SUFFIXES):
+        similar = nearest(name, ARMS)
+        hint = "" if similar is None else f" Did you mean {similar!r}?"
         raise ArmFileError(
-            "There is no such model; give panda, ur5e, or a file that ends in .urdf or .xacro."
+            f"There is no such model.{hint} Give {', '.join(ARMS)}, or a file that ends in .urdf "
+            "or .xacro."
         )
     try:
         path = find_companion(folder, name)

@@ -1,4 +1,4 @@
-"""Description of an arm from a URDF or xacro file alone, without a task."""
+"""Description of an arm alone, without a task: of the catalogue, or from a URDF or xacro file."""
 
 from __future__ import annotations
 
@@ -15,18 +15,14 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from scipy.spatial import ConvexHull, QhullError
 
-from skillplan.domains.assembly.arm_files import (
-    DESCRIPTION_FOLDERS,
-    SUFFIXES,
-    ArmFileError,
-    read_tree,
-)
+from skillplan.domains.assembly.arm_files import DESCRIPTION_FOLDERS, ArmFileError, read_tree
 from skillplan.domains.assembly.robot_schema import RobotConfig
 from skillplan.domains.load import apply_changes
 from skillplan.errors import Issue, TaskError
 from skillplan.files.schema_errors import list_schema_issues
 from skillplan.files.yaml import Document
 from skillplan.robots.arm_description import ArmDescription
+from skillplan.robots.catalogue import ARMS
 from skillplan.robots.home_posture import list_corners
 from skillplan.robots.link_frames import Numbers, compute_link_frames, spread_postures
 
@@ -176,18 +172,14 @@ def _turn_outward(hull: Any) -> Triangles:
     return np.asarray(triangles, dtype=np.int64)
 
 
-def is_arm_file(path: str) -> bool:
-    """Return whether a file is a URDF or xacro file by its suffix."""
-    return path.lower().endswith(SUFFIXES)
-
-
 def summarize_arm(path: str, changes: Mapping[str, str]) -> ArmSummary:
     """Return the description of an arm.
 
     Parameters
     ----------
     path
-        URDF or xacro file. The folder of its package takes the place of a task's folder.
+        Name of an arm of the catalogue, or URDF or xacro file. The folder of the file's package
+        takes the place of a task's folder.
     changes
         Values of keys ``robot.*`` of a task file, such as ``robot.tip``.
 
@@ -196,11 +188,13 @@ def summarize_arm(path: str, changes: Mapping[str, str]) -> ArmSummary:
     TaskError
         If the file describes no arm, or a key is at fault.
     """
-    file = Path(os.path.abspath(path))
-    folder = file.parent
-    if folder.name.lower() in DESCRIPTION_FOLDERS:
-        folder = folder.parent
-    name = file.relative_to(folder).as_posix()
+    folder, name = Path(), path
+    if path not in ARMS:
+        file = Path(os.path.abspath(path))
+        folder = file.parent
+        if folder.name.lower() in DESCRIPTION_FOLDERS:
+            folder = folder.parent
+        name = file.relative_to(folder).as_posix()
     start = Document(path, {"robot": {"model": name, "home_m": [0.0, 0.0]}}, {}, {}, ())
     data = apply_changes(start, changes).data
     others = sorted(set(data) - {"robot"})
@@ -208,16 +202,8 @@ def summarize_arm(path: str, changes: Mapping[str, str]) -> ArmSummary:
         words = f"--set {others[0]}: a robot alone has keys under 'robot' only, such as robot.tip."
         raise TaskError(path, [Issue(words)])
     robot = data["robot"]
-    packages = robot.get("packages", [])
-    try:
-        tree, _ = read_tree(folder, name, packages, robot.get("xacro_args"))
-    except ArmFileError as error:
-        raise TaskError(path, [Issue(str(error))]) from None
-    tips = [tip for tip, _ in tree.list_tips()]
+    tips = [] if path in ARMS else _list_tips(path, folder, name, robot)
     tip = robot.get("tip") or next(iter(tips), None)
-    if tip is None:
-        words = "it has no chain of 4 to 8 moving joints. Give a file of an arm."
-        raise TaskError(path, [Issue(words)])
     try:
         config = RobotConfig.model_validate({**robot, "tip": tip}, context={"folder": folder})
     except ValidationError as error:
@@ -225,7 +211,20 @@ def summarize_arm(path: str, changes: Mapping[str, str]) -> ArmSummary:
         raise TaskError(path, [Issue(issue.message) for issue in issues]) from None
     payload_kg = config.payload_kg if config.payload_kg is not None else config.arm.payload_kg
     rest = tuple(other for other in tips if other != tip)
-    return ArmSummary(path, config.arm, tip, rest, payload_kg)
+    return ArmSummary(path, config.arm, tip or "flange", rest, payload_kg)
+
+
+def _list_tips(path: str, folder: Path, name: str, robot: Mapping[str, Any]) -> list[str]:
+    """Return the links of a file that may hold a hand, the most likely first."""
+    try:
+        tree, _ = read_tree(folder, name, robot.get("packages", []), robot.get("xacro_args"))
+    except ArmFileError as error:
+        raise TaskError(path, [Issue(str(error))]) from None
+    tips = [tip for tip, _ in tree.list_tips()]
+    if not tips and not robot.get("tip"):
+        words = "it has no chain of 4 to 8 moving joints. Give a file of an arm."
+        raise TaskError(path, [Issue(words)])
+    return tips
 
 
 def format_angle(value: float, *, is_prismatic: bool) -> str:

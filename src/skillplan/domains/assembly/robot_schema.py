@@ -56,8 +56,8 @@ class RobotConfig(Strict):
     name: Name = Field("robot", description="the agent's name")
     model: Annotated[str, Field(min_length=1, max_length=4096)] = Field(
         DEFAULT_ARM,
-        description="panda, ur5e, or a URDF or xacro file in the task file's folder, or in a "
-        "folder of it",
+        description=f"{', '.join(ARMS)}, or a URDF or xacro file in the task file's folder, or in "
+        "a folder of it",
     )
     packages: Annotated[list[FolderName], Field(max_length=64)] = Field(
         default_factory=list,
@@ -78,7 +78,7 @@ class RobotConfig(Strict):
     tip: LinkName | None = Field(
         None,
         description="of a URDF, the link to which the hand is fixed, its z pointing out; left out: "
-        "there is none, as of panda and ur5e",
+        "there is none, as of an arm that is named",
     )
     home_rad: Annotated[list[JointAngle], Field(min_length=4, max_length=8)] | None = Field(
         None,

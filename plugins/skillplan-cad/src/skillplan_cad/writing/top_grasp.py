@@ -174,8 +174,6 @@ _PLAY_M_HELD_PART = 0.004
 # Clearance between fingertips and the surface around the goal.
 _ABOVE_M = 0.001
 _LEAST_DEPTH_M = 0.001
-# Payload of the arms according to their makers, including the hand of 0.7 kg.
-_CARRIES_KG = {"panda": 3.0, "ur5e": 5.0}
 _HAND_KG = 0.7
 _NO_TOP = "has no flat top wide enough for a cup"
 
@@ -235,7 +233,9 @@ def choose_grasp(
 
 
 def _check_payload(mass_kg: float, robot: str) -> tuple[str, ...]:
-    carries_kg = _CARRIES_KG.get(robot, min(_CARRIES_KG.values())) - _HAND_KG
+    payload_kg = ARMS[robot][0].payload_kg
+    assert payload_kg is not None
+    carries_kg = payload_kg - _HAND_KG
     if mass_kg <= carries_kg:
         return ()
     return (f"weighs {mass_kg:.1f} kg, and {robot} carries {carries_kg:.1f} kg in its hand",)

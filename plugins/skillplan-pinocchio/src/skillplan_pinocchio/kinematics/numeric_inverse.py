@@ -67,7 +67,7 @@ class NumericInverse:
 
     Examples
     --------
-    >>> from skillplan.robots.panda import PANDA
+    >>> from skillplan.robots.catalogue import PANDA
     >>> arm = SerialArm(PANDA)
     >>> joints_rad = NumericInverse(arm).solve(arm.tip(arm.home_rad))
     >>> bool(np.abs(arm.error(joints_rad, arm.tip(arm.home_rad))[0]).max() < 1e-6)

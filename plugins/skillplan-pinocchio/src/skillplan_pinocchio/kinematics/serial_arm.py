@@ -44,7 +44,7 @@ class SerialArm:
 
     Examples
     --------
-    >>> from skillplan.robots.ur5e import UR5E
+    >>> from skillplan.robots.catalogue import UR5E
     >>> SerialArm(UR5E).tip(np.zeros(6)).translation.round(4).tolist()
     [-0.8172, -0.2329, 0.0628]
     """

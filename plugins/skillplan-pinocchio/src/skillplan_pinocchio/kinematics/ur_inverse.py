@@ -101,7 +101,7 @@ class UrInverse:
 
     Examples
     --------
-    >>> from skillplan.robots.ur5e import UR5E
+    >>> from skillplan.robots.catalogue import UR5E
     >>> arm = SerialArm(UR5E)
     >>> len(UrInverse(arm).solve(arm.tip(np.array([0.3, -1.2, 1.4, -1.7, -1.5, 0.2]))))
     8

@@ -1,0 +1,55 @@
+"""Every arm of the catalogue stacks two parts: planned by swept, executed by both engines."""
+
+import pytest
+
+from skillplan import Setup, TaskError, load_problem, solve
+from skillplan.checks import introduce
+from skillplan.robots import ARMS
+from thinned import slow_case
+
+# Within reach of the smallest arm, and not too near for the largest.
+BOARD = """kind: assembly
+name: two-parts
+robot: {model: ARM, home_m: [0.42, 0.0]}
+tools: {gripper: {mass_kg: MASS, holder_m: [0.35, 0.3], opening_m: 0.08}}
+initial_tool: gripper
+parts:
+  base: {tool: gripper, mass_kg: 0.1, size_m: [0.06, 0.06, 0.03], start_m: [0.42, -0.13],
+    goal_m: [0.42, 0.11]}
+  lid: {tool: gripper, mass_kg: 0.05, size_m: [0.05, 0.05, 0.03], start_m: [0.43, -0.01],
+    goal_m: [0.42, 0.11], goal_on: base}
+"""
+CONTACTS = ("contact-pairs",)
+CASES = [
+    name if name in ("xarm6",) else slow_case(name, reason="one arm in every run")
+    for name in sorted(ARMS)
+]
+
+
+def load(folder, arm, tool_kg=0.73):
+    path = folder / "two_parts.yaml"
+    path.write_text(BOARD.replace("ARM", arm).replace("MASS", str(tool_kg)), "utf-8")
+    return load_problem(path).task
+
+
+@pytest.mark.parametrize("arm", CASES)
+def test_swept_proves_the_board_and_both_engines_execute_the_plan(arm, tmp_path):
+    """The parts' geometry decides the cost, so that it is the same for all."""
+    task = load(tmp_path, arm)
+    result = solve(task, "exact", Setup(collision=("swept",)))
+    assert result.status == "optimal", result.reason
+    assert result.cost == pytest.approx(0.61083, abs=5e-6)
+    plan = [task.skill(step.skill) for step in result.steps]
+    for engine in ("pybullet", "mujoco"):
+        created, *_ = introduce(Setup(engine, CONTACTS).back_ends(task))
+        done = created.perform(plan)
+        assert done.failed is None, f"{engine}: {done.failed.skill}: {done.failed.verdict.reason}"
+
+
+@pytest.mark.parametrize("arm", sorted(ARMS))
+def test_a_part_and_a_tool_heavier_than_the_payload_are_refused(arm, tmp_path):
+    """The part weighs 0.1 kg."""
+    payload_kg = ARMS[arm][0].payload_kg
+    load(tmp_path, arm, payload_kg - 0.11)
+    with pytest.raises(TaskError, match=rf"the arm carries, {payload_kg:g} kg"):
+        load(tmp_path, arm, payload_kg - 0.09)
