@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib
 import sys
+from functools import partial
 
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
@@ -143,6 +145,35 @@ def test_what_single_episodes_do_not_have_is_refused(board):
     assert [False, False] == board.env_is_wrapped(gymnasium.Wrapper)
     with pytest.raises(gymnasium.error.ResetNeeded, match="call step_async"):
         board.step_wait()
+
+
+@pytest.mark.parametrize("indices", [5, [0, 2], -3])
+def test_a_sub_environment_that_does_not_exist_is_refused(board, indices):
+    uses = (
+        partial(board.env_method, "action_masks"),
+        partial(board.get_attr, "action_space"),
+        partial(board.env_is_wrapped, gymnasium.Wrapper),
+    )
+    for use in uses:
+        with pytest.raises(OptionError, match=r"the indices 0 to 1, not (5|2|-3)\."):
+            use(indices=indices)
+    (last,) = board.env_method("action_masks", indices=-1)
+    assert last.tolist() == board.envs.action_masks()[1].tolist()
+
+
+def test_nothing_goes_after_it_was_closed(board):
+    board.close()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="make a new one"):
+        board.reset()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="make a new one"):
+        board.step(np.array([0, 0]))
+
+
+def test_a_wrapper_of_gymnasium_is_refused_and_the_one_of_sb3_named(board_task):
+    envs = RecordEpisodeStatistics(SkillVectorEnv(make_model(board_task), 2))
+    message = r"such as RecordEpisodeStatistics: .* VecMonitor\(Sb3VecEnv\(envs\)\) records"
+    with pytest.raises(TypeError, match=message):
+        Sb3VecEnv(envs)
 
 
 def test_other_environments_are_refused(board_task):

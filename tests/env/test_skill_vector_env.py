@@ -6,6 +6,7 @@ import dataclasses
 import json
 import random
 from collections.abc import Iterator
+from functools import partial
 
 import gymnasium
 import numpy as np
@@ -531,6 +532,22 @@ class TestMisuse:
             env.step(np.array([0]))
         with pytest.raises(gymnasium.error.ResetNeeded, match="must be reset"):
             env.state()
+
+    def test_nothing_goes_after_it_was_closed(self, board_task):
+        envs = SkillVectorEnv(make_model(board_task), 2)
+        envs.reset(seed=0)
+        state = envs.state()
+        envs.close()
+        uses = (
+            envs.reset,
+            envs.state,
+            envs.action_masks,
+            partial(envs.step, np.zeros(2, dtype=np.int64)),
+            partial(envs.restore, state),
+        )
+        for use in uses:
+            with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="make a new one"):
+                use()
 
     def test_there_is_one_seed_for_every_place(self):
         env = SkillVectorEnv(model_of(two_roads_task()), 2)

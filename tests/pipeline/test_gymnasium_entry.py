@@ -120,6 +120,23 @@ class TestArguments:
         with pytest.raises(OptionError, match="is a task already"):
             gymnasium.make(NAME, task=board_task, part="base-1")
 
-    def test_a_chain_of_tasks_is_refused(self):
-        with pytest.raises(TaskError):
-            gymnasium.make(NAME, task=CONFIGS / "swarmitfix_polygonal.yaml")
+    @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+    def test_a_chain_of_tasks_is_refused_and_the_argument_named(self, make):
+        message = "17 tasks in a chain; name one by `part`: goals, base-1"
+        with pytest.raises(TaskError, match=message):
+            make(NAME, task=CONFIGS / "swarmitfix_polygonal.yaml")
+
+    @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+    def test_a_task_is_required(self, make):
+        with pytest.raises(gymnasium.error.MissingArgument, match="pass `task`, the path of"):
+            make(NAME)
+
+    def test_a_step_limit_of_gymnasium_needs_its_own_vector_environment(self):
+        with pytest.raises(OptionError, match=r'`step_limit` in the task file, or pass .*"sync"'):
+            gymnasium.make_vec(NAME, num_envs=2, task=BOARD, max_episode_steps=3)
+        envs = gymnasium.make_vec(
+            NAME, num_envs=2, task=BOARD, max_episode_steps=3, vectorization_mode="sync"
+        )
+        envs.reset(seed=0)
+        late = [envs.step(np.array([action, action]))[3].tolist() for action in (0, 1, 2)]
+        assert [[False, False], [False, False], [True, True]] == late

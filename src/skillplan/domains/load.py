@@ -180,8 +180,13 @@ class Problem:
         located = [self.document.locate(issue) for issue in issues]
         return tuple(TaskError(self.source, located).lines())
 
-    def part(self, name: str | None) -> Task:
+    def part(self, name: str | None, *, by: str = "--part") -> Task:
         """Return a task by name; None for the only one.
+
+        Parameters
+        ----------
+        by
+            Option or argument that gives the name, for the message.
 
         Raises
         ------
@@ -194,7 +199,7 @@ class Problem:
         if name is None and len(names) == 1:
             return self.tasks[0]
         if name is None:
-            message = f"describes {len(names)} tasks in a chain; name one by --part: "
+            message = f"describes {len(names)} tasks in a chain; name one by {by}: "
             shown = names if len(names) <= 8 else [*names[:4], "...", *names[-3:]]
             raise TaskError(self.source, [Issue(f"{message}{', '.join(shown)}.")])
         if name not in names:

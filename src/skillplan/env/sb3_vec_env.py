@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.skill_vector_env import Features, SkillVectorEnv
+from skillplan.errors import OptionError
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
@@ -43,6 +44,11 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc]
     """
 
     def __init__(self, envs: SkillVectorEnv) -> None:
+        if isinstance(envs, gymnasium.vector.VectorWrapper):
+            raise TypeError(
+                f"Sb3VecEnv takes no wrapper of Gymnasium, such as {type(envs).__name__}: pass the "
+                "environment without it. VecMonitor(Sb3VecEnv(envs)) records returns and lengths."
+            )
         if not isinstance(envs, SkillVectorEnv):
             raise TypeError(
                 f"Sb3VecEnv takes the vector environment that gymnasium.make_vec returns, not a "
@@ -59,6 +65,8 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc]
         ------
         ValueError
             If the options differ between sub-environments.
+        gymnasium.error.ClosedEnvironmentError
+            If the environment was closed.
         """
         options = self._options[0]
         if any(other != options for other in self._options):
@@ -126,8 +134,10 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc]
         ------
         AttributeError
             If they have no such attribute.
+        OptionError
+            If a sub-environment does not exist.
         """
-        places = list(self._get_indices(indices))
+        places = self._get_indices(indices)
         if attr_name in ("action_masks", "render"):
             return [partial(self._call, attr_name, place) for place in places]
         single = f"single_{attr_name}"
@@ -147,15 +157,28 @@ class Sb3VecEnv(VecEnv):  # type: ignore[misc]
         ------
         AttributeError
             If it is another method.
+        OptionError
+            If a sub-environment does not exist.
         """
+        places = self._get_indices(indices)
         results = self.envs.call(method_name, *method_args, **method_kwargs)
-        return [results[place] for place in self._get_indices(indices)]
+        return [results[place] for place in places]
 
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Indices = None
     ) -> list[bool]:
         """Return False for every sub-environment: wrap this environment in `VecMonitor`."""
         return [False for _ in self._get_indices(indices)]
+
+    def _get_indices(self, indices: Indices) -> list[int]:
+        """Return the numbers of sub-environments; negative ones count from the end."""
+        places = list(super()._get_indices(indices))
+        for place in places:
+            if not -self.num_envs <= place < self.num_envs:
+                raise OptionError(
+                    f"Sub-environments have the indices 0 to {self.num_envs - 1}, not {place}."
+                )
+        return places
 
     def _call(self, method_name: str, place: int) -> Any:
         return self.env_method(method_name, indices=place)[0]

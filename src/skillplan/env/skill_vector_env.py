@@ -256,7 +256,10 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
             If an option or its value is wrong.
         ValueError
             If the number of seeds differs.
+        gymnasium.error.ClosedEnvironmentError
+            If the environment was closed.
         """
+        self._check_open()
         starts = self._starts
         if options:
             states = [read_start(model, options) for model in self.models]
@@ -300,6 +303,8 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         ------
         gymnasium.error.ResetNeeded
             If the environment was not reset.
+        gymnasium.error.ClosedEnvironmentError
+            If the environment was closed.
         gymnasium.error.InvalidAction
             If the number of actions differs, or an action does not exist.
         BackEndError
@@ -455,7 +460,10 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         ------
         ValueError
             If it is no such state; then nothing changes.
+        gymnasium.error.ClosedEnvironmentError
+            If the environment was closed.
         """
+        self._check_open()
         places = state.get("places")
         if not isinstance(places, list) or len(places) != self.num_envs:
             raise ValueError(f"This is no state of an environment of {self.num_envs} places.")
@@ -516,6 +524,13 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
             raise gymnasium.error.InvalidAction(f"Actions are 0 to {count - 1}, not {chosen}.")
         return chosen
 
+    def _check_open(self) -> None:
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError(
+                "The environment was closed: make a new one."
+            )
+
     def _check_begun(self) -> None:
+        self._check_open()
         if not self._generators:
             raise gymnasium.error.ResetNeeded("The environment must be reset before it is used.")

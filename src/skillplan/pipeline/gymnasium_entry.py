@@ -6,6 +6,8 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import gymnasium
+
 from skillplan.env.skill_env import SkillEnv
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import OptionError, name_hint
@@ -18,7 +20,7 @@ Options = Mapping[str, Mapping[str, Any]]
 
 
 def make_env(
-    task: str | os.PathLike[str] | Task,
+    task: str | os.PathLike[str] | Task | None = None,
     *,
     part: str | None = None,
     physics: str | None = None,
@@ -34,7 +36,7 @@ def make_env(
     Parameters
     ----------
     task
-        A task file, or a task.
+        A task file, or a task. Required.
     part
         Name of a task of the file; needed if the file describes a chain of several.
     physics, collision
@@ -53,6 +55,8 @@ def make_env(
         If a name or an option is wrong.
     BackEndError
         If a back end fails to start.
+    gymnasium.error.MissingArgument
+        If `task` is None.
     """
     return SkillEnv(
         _model(task, part, physics, collision, options),
@@ -65,7 +69,7 @@ def make_env(
 
 def make_vector_env(
     num_envs: int,
-    task: str | os.PathLike[str] | Task,
+    task: str | os.PathLike[str] | Task | None = None,
     *,
     part: str | None = None,
     physics: str | None = None,
@@ -75,6 +79,7 @@ def make_vector_env(
     mask: str = "applicable",
     objective: str = "reward",
     render_mode: str | None = None,
+    max_episode_steps: int | None = None,
 ) -> SkillVectorEnv:
     """Return a vector environment, in which several episodes of a task run side by side.
 
@@ -86,7 +91,19 @@ def make_vector_env(
         As in `make_env`, which raises the same errors.
     observation, mask, objective, render_mode
         As in `SkillVectorEnv`.
+    max_episode_steps
+        None: episodes end at the step limit of the task.
+
+    Raises
+    ------
+    OptionError
+        If `max_episode_steps` is not None.
     """
+    if max_episode_steps is not None:
+        raise OptionError(
+            "max_episode_steps: the vector environment ends episodes at the task's step limit. Set "
+            '`step_limit` in the task file, or pass vectorization_mode="sync".'
+        )
     return SkillVectorEnv(
         _model(task, part, physics, collision, options),
         num_envs,
@@ -98,18 +115,22 @@ def make_vector_env(
 
 
 def _model(
-    task: str | os.PathLike[str] | Task,
+    task: str | os.PathLike[str] | Task | None,
     part: str | None,
     physics: str | None,
     collision: str | Sequence[str],
     options: Options | None,
 ) -> SkillModel:
+    if task is None:
+        raise gymnasium.error.MissingArgument(
+            "An environment needs a task: pass `task`, the path of a task file or a task."
+        )
     detectors = collision.split(",") if isinstance(collision, str) else collision
     detectors = tuple(dict.fromkeys(name.strip() for name in detectors if name.strip()))
     if not isinstance(task, Task):
         queried = {"physics": [physics] if physics else [], "collision": detectors}
         chosen = {kind: names for kind, names in queried.items() if names}
-        task = load_problem(task, chosen).part(part)
+        task = load_problem(task, chosen).part(part, by="`part`")
     elif part is not None:
         raise OptionError("`part` names a task of a file, but `task` is a task already.")
     setup = Setup(physics, detectors, options or {})
