@@ -1,5 +1,6 @@
 """`skillplan benchmark`: its instances, its table, submissions, and what the referee refuses."""
 
+import hashlib
 import json
 import os
 import signal
@@ -17,6 +18,7 @@ from skillplan.benchmark import (
     InstanceFile,
     Submission,
     format_instances,
+    hash_instances,
     load_instances,
     parse_instances,
 )
@@ -65,6 +67,28 @@ class Sleeper(Agent):
         import time
 
         time.sleep(600)
+
+
+class Endless(Agent):
+    """A learner that ignores the limit."""
+
+    def learn(self, total_timesteps):
+        super().learn(3000)
+
+
+class Unseeded(Agent):
+    """The actions that the space draws, without a seed of the learner."""
+
+    def __init__(self, env):
+        self.env = env
+
+    def learn(self, total_timesteps):
+        _, info = self.env.reset()
+        self.drawn = [int(self.env.action_space.sample()) for _ in range(20)]
+        self.drawn.append(float(self.env.unwrapped.np_random.random()))
+
+    def predict(self, observation):
+        raise ValueError(f"drawn {self.drawn}")
 
 
 def beyond(env):
@@ -174,6 +198,7 @@ class TestInstances:
             (("--out", "rows.txt"), "submissions are not saved as .txt"),
             (("--prove",), "--prove prints the data of one kind of task"),
             (("--check", "missing.json"), "missing.json"),
+            (("--check", "rows.json", "--out", "x.json"), "write no file. Leave out --out."),
         ],
     )
     def test_wrong_words_are_refused(self, cli, words, message):
@@ -201,10 +226,15 @@ class TestProofs:
         assert [p.by for p in known.proofs] == [p.by for p in each.proofs]
 
     def test_difference_that_means_something_shrinks_with_runs(self):
-        """Three runs a side find less than ten; t(0.975; 4) = 2.776."""
-        assert (2.776 + 0.8416) * 0.1 * (2 / 3) ** 0.5 == pytest.approx(
-            smallest_difference(0.1, 3), rel=1e-3
-        )
+        """Three runs a side find less than ten; the power is that of the noncentral t."""
+        from scipy.special import nctdtr, stdtrit
+
+        for runs, deviations in ((3, 3.07), (5, 2.02)):
+            difference, freedom = smallest_difference(0.1, runs), 2 * runs - 2
+            assert deviations * 0.1 == pytest.approx(difference, rel=3e-3)
+            critical, shift = stdtrit(freedom, 0.975), difference / 0.1 * (runs / 2) ** 0.5
+            within = nctdtr(freedom, shift, critical) - nctdtr(freedom, shift, -critical)
+            assert 0.8 == pytest.approx(1 - within, abs=1e-4)
         assert smallest_difference(0.1, 10) < smallest_difference(0.1, 5)
 
 
@@ -280,6 +310,81 @@ class TestRuns:
         assert 200 == row["steps"]
         assert row["status"] in ("solved", "unsolved")
 
+    def test_steps_end_the_training_of_any_learner(self, cli, learner, in_this_process):
+        """Also of one that ignores `total_timesteps`."""
+        words = ("--only", SMALL, "--steps", "100", "--format", "json")
+        (row,) = cli("benchmark", f"{learner}:Endless", *words).document["rows"]
+        assert 100 == row["steps"]
+
+    def test_the_environment_has_the_seed_of_the_run(self, cli, learner, in_this_process):
+        """Actions and outcomes repeat by it, and differ between seeds."""
+        words = ("--only", SMALL, "--steps", "10", "--runs", "2", "--format", "json")
+
+        def draw():
+            rows = cli("benchmark", f"{learner}:Unseeded", *words).document["rows"]
+            return [row["reason"] for row in rows]
+
+        first, second = draw()
+        assert "drawn [" in first
+        assert first != second
+        assert [first, second] == draw()
+
+    def test_a_file_begun_with_another_agent_is_not_continued(self, cli, learner, in_this_process):
+        """Its rows are results of the code before the edit."""
+        out = learner.with_name("rows.json")
+        words = ("benchmark", f"{learner}:Agent", "--only", SMALL, "--steps", "50", "--out", out)
+        assert 0 == cli(*map(str, words)).code
+        (version,) = json.loads(out.read_text("utf-8"))["agents"].values()
+        assert f"sha256 {hashlib.sha256(LEARNER.encode()).hexdigest()}" == version
+        assert "0 runs of 1 to do" in cli(*map(str, words)).err
+        learner.write_text(LEARNER + "# edited", "utf-8")
+        done = cli(*map(str, words))
+        assert 2 == done.code
+        assert f"was begun with another {learner}; name a new file" in "".join(
+            done.refusal.replace("\n", " ").split("  ")
+        )
+
+    def test_a_file_begun_with_another_version_is_not_continued(self, cli, submission):
+        """Of a package."""
+        document = json.loads(submission.read_text("utf-8"))
+        document["agents"]["exact"] = "skillplan 0.0.1"
+        submission.write_text(json.dumps(document), "utf-8")
+        refusal = cli("benchmark", "exact", "--only", SMALL, "--out", str(submission)).refusal
+        assert "begun with another exact: skillplan 0.0.1 there" in " ".join(refusal.split())
+
+    def test_a_file_has_dataclasses_and_imports_modules_beside_it(
+        self, cli, learner, in_this_process
+    ):
+        """Each from its own folder; an import within the training, too."""
+        names = []
+        for steps in (20, 30):
+            folder = learner.with_name(f"folder{steps}")
+            folder.mkdir()
+            (folder / "beside.py").write_text(LEARNER + f"\nSTEPS = {steps}\n", "utf-8")
+            (folder / "late.py").write_text("from beside import STEPS\n", "utf-8")
+            (folder / "mine.py").write_text(
+                "from __future__ import annotations\n"
+                "from dataclasses import dataclass, field\n"
+                "from beside import Agent\n\n"
+                "@dataclass\nclass Mine(Agent):\n    env: object\n\n"
+                "    def __post_init__(self):\n        super().__init__(self.env)\n\n"
+                "    def learn(self, total_timesteps):\n        from late import STEPS\n\n"
+                "        super().learn(STEPS)\n",
+                "utf-8",
+            )
+            names.append(f"{folder / 'mine.py'}:Mine")
+        path = list(sys.path)
+        rows = cli("benchmark", *names, "--only", SMALL, "--format", "json").document["rows"]
+        assert [20, 30] == [row["steps"] for row in rows]
+        assert path == sys.path
+        assert not {"mine", "beside", "late"} & set(sys.modules)
+
+    def test_a_file_without_a_name_gets_the_form(self, cli, learner):
+        """It is no solver."""
+        refusal = " ".join(cli("benchmark", str(learner), "--only", SMALL).refusal.split())
+        assert "write " in refusal
+        assert ".py:NAME" in refusal
+
     @pytest.mark.parametrize(
         ("name", "reason"),
         [("Deaf", "made a Deaf without learn()"), ("beyond", "does not exist")],
@@ -342,7 +447,7 @@ class TestRuns:
         document = cli("benchmark", *agents, *words).document
         assert agents == list(document["agents"])
         assert {"solved", "unsolved"} >= {row["status"] for row in document["rows"]}
-        assert all(row["steps"] >= 600 for row in document["rows"])
+        assert all(600 == row["steps"] for row in document["rows"])
 
 
 FORGERIES = {
@@ -353,6 +458,8 @@ FORGERIES = {
     "no plan": (0, lambda row: {"skills": None}, "the plan fails at the end"),
     "a skill of another task": (0, lambda row: {"skills": ["fly(home)"]}, "not one of this task"),
     "another task": (0, lambda row: {"sha256": "0" * 64}, "it is for another task"),
+    "a time above the limit": (0, lambda row: {"wall_s": 100.0}, "more than the limit of 10 s"),
+    "an agent that is not listed": (0, lambda row: {"agent": "x:Y"}, "does not list its agent"),
     "an unknown instance": (0, lambda row: {"instance": "board-99-9"}, "no such instance"),
     "no plan exists": (
         0,
@@ -370,7 +477,9 @@ class TestReferee:
         """All plans and policies were executed again."""
         done = cli("benchmark", "--check", str(submission))
         assert 0 == done.code
-        assert "4 of 4 rows hold" in done.out
+        assert "4 of 4 rows hold. Plans and policies executed again: 3; rows without: 1" in done.out
+        assert "refused rows" not in done.out
+        assert "benchmark  " not in done.out
 
     def test_a_minimal_submission_holds(self, cli, submission):
         """Agents elsewhere need not state seeds, steps or bounds."""
@@ -393,6 +502,53 @@ class TestReferee:
         (refused,) = done.document["refused"]
         assert reason in refused["reason"]
         assert len(document["rows"]) - 1 == len(done.document["rows"])
+
+    def test_a_row_beyond_the_steps_of_the_header_is_refused(self, cli, submission):
+        """A learner elsewhere had more steps than the others."""
+        document = json.loads(submission.read_text("utf-8"))
+        document["agents"]["mine"] = "1.0"
+        document["rows"][0] |= {"agent": "mine", "steps": 10_001}
+        submission.write_text(json.dumps(document), "utf-8")
+        done = cli("benchmark", "--check", str(submission))
+        assert 1 == done.code
+        assert "it took 10001 environment steps, more than 10000" in " ".join(done.out.split())
+
+    def test_a_refused_row_counts_as_a_failure(self, cli, submission):
+        """A forged row does not leave the table."""
+        document = json.loads(submission.read_text("utf-8"))
+        for row in document["rows"]:
+            row["cost"] = None if row["cost"] is None else row["cost"] * 0.9
+        submission.write_text(json.dumps(document), "utf-8")
+        out = cli("benchmark", "--check", str(submission)).out
+        exact = next(line.split() for line in out.splitlines() if line.startswith("exact  "))
+        assert ["2", "0"] == exact[1:3]
+
+    @pytest.mark.parametrize(
+        ("change", "note"),
+        [
+            ({"skillplan": "0.0.1"}, "written by skillplan 0.0.1, checked by "),
+            ({"benchmark": "0" * 64}, "000000000000 is not the hash of the 2 instances"),
+            ({"benchmark": "chance"}, "instances of its rows, but of the suite chance"),
+        ],
+    )
+    def test_differences_of_the_header_are_noted(self, cli, submission, instances, change, note):
+        """The rows hold."""
+        if change.get("benchmark") == "chance":
+            suite = [each for each in instances.values() if each.suite == "chance"]
+            change = {"benchmark": hash_instances(suite)}
+        document = json.loads(submission.read_text("utf-8"))
+        submission.write_text(json.dumps({**document, **change}), "utf-8")
+        done = cli("benchmark", "--check", str(submission))
+        assert 0 == done.code
+        assert note in " ".join(done.out.split())
+
+    def test_a_submission_without_rows_is_no_success(self, cli, submission):
+        """Nothing was checked."""
+        document = json.loads(submission.read_text("utf-8"))
+        submission.write_text(json.dumps({**document, "rows": []}), "utf-8")
+        done = cli("benchmark", "--check", str(submission))
+        assert 1 == done.code
+        assert "no rows: nothing to check" in done.out
 
     @pytest.mark.parametrize(
         ("change", "message"),

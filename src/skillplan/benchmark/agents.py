@@ -6,19 +6,23 @@ such as an algorithm of Stable-Baselines3.
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.util
 import inspect
+import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from skillplan import __version__
 from skillplan.errors import OptionError, PluginError, SkillplanError, SolverError
 from skillplan.exporters.exporter import Handover
+from skillplan.files.regular_file import read_bytes
 from skillplan.judge import fast_downward
 from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import replay
@@ -60,6 +64,10 @@ SETTINGS: dict[str, dict[str, int]] = {
 _LEARNERS = ("q-learning", "sarsa", "monte-carlo")
 # Seeds of NumPy's older generators, which learners use, have 32 bits.
 _SEEDS = 2**32
+# Greatest size of the file of an agent.
+_MOST_BYTES = 2**26
+# Modules that agents imported from their own folders, by folder.
+_siblings: dict[Path, dict[str, ModuleType]] = {}
 
 
 def list_baselines() -> list[str]:
@@ -115,34 +123,56 @@ def make_agent(name: str, steps: int) -> Solver:
         return RandomEpisodes(steps)
     if name == fast_downward.NAME:
         return FastDownward()
+    if name.endswith(".py"):
+        raise OptionError(f"Agent {name}: write {name}:NAME; NAME is a class or function in it.")
     if ":" in name:
         # Messages name the class.
         named = type("NamedLearner", (ForeignLearner,), {"name": name})
         factory = partial(find_factory(name), **SETTINGS.get(name, {}))
-        return named(factory, steps)  # type: ignore[no-any-return]
+        return named(factory, steps, find_folder(name))  # type: ignore[no-any-return]
     return make_solver(name, {})
 
 
 def find_version(name: str) -> str:
-    """Return the distribution of an agent and its version, such as ``ortools 9.15``."""
+    """Return the distribution of an agent and its version, such as ``ortools 9.15``.
+
+    An agent from a file has the hash of the file instead, such as ``sha256 0f3a...``.
+
+    Raises
+    ------
+    OptionError
+        If the file cannot be read.
+    """
     own = f"skillplan {__version__}"
     if name == RANDOM:
         return own
     if name == fast_downward.NAME:
         return f"up-fast-downward {version('up-fast-downward')}"
     if ":" in name:
-        package = name.partition(":")[0].partition(".")[0]
+        place = name.rpartition(":")[0]
+        if place.endswith(".py"):
+            return _hash_file(place)
+        package = place.partition(".")[0]
         names = packages_distributions().get(package, [package])
         try:
             settings = (f"{key}={value}" for key, value in SETTINGS.get(name, {}).items())
             return " ".join([f"{names[0]} {version(names[0])}", *settings])
         except PackageNotFoundError:
-            return name
+            module = importlib.util.find_spec(place)
+            return _hash_file(module.origin) if module and module.has_location else name
     entry = next(iter(registered("solver").select(name=name)), None)
     if entry is None or entry.dist is None:
         return own
     text = f"{entry.dist.name} {entry.dist.version}"
     return f"{text}, ortools {version('ortools')}" if name == "cp-sat" else text
+
+
+def _hash_file(path: str | None) -> str:
+    try:
+        content = read_bytes(path or "", _MOST_BYTES)
+    except OSError as error:
+        raise OptionError(f"Agent {path}: cannot be read: {error.strerror}.") from None
+    return f"sha256 {hashlib.sha256(content).hexdigest()}"
 
 
 class FastDownward(Solver):
@@ -223,27 +253,34 @@ class ForeignLearner(Solver):
         Returns the learner. It gets the environment as ``env`` or first argument, and ``policy``
         ("MlpPolicy"), ``seed``, ``device`` ("cpu") and ``verbose`` (0) if it has these parameters.
     steps
-        Environment steps, >= 1.
+        Environment steps, >= 1. Training ends after them, even within a roll-out.
+    folder
+        Folder of the file of the learner, from which it may import; None for a module.
     """
 
     name = "foreign"
     polls = True
 
-    def __init__(self, factory: Callable[..., Any], steps: int) -> None:
+    def __init__(self, factory: Callable[..., Any], steps: int, folder: Path | None = None) -> None:
         super().__init__()
         self._factory = factory
         self._steps = steps
+        self._folder = folder
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Train within the steps and the time limit, and return the greedy policy."""
-        env = _make_limited_env(model, self.stop)
+        with importing_from(self._folder):
+            return self._solve(model, seed)
+
+    def _solve(self, model: SkillModel, seed: int) -> Solution:
+        env = _make_limited_env(model, self.stop, self._steps, seed % _SEEDS)
         learner = _construct(self._factory, env, seed % _SEEDS)
         for method in ("learn", "predict"):
             if not callable(getattr(learner, method, None)):
                 kind = type(learner).__name__
                 raise SolverError(f"{self.name} made a {kind} without {method}().")
-        # If the time is up, the policy so far is the answer.
-        with suppress(_TimeIsUp):
+        # At a limit, the policy so far is the answer.
+        with suppress(_TrainingEnds):
             learner.learn(total_timesteps=self._steps)
         fresh = SkillModel(model.feasibility)
         policy = _GreedyPolicy(learner, fresh)
@@ -264,6 +301,34 @@ def _find_fault(policy: Mapping[State, Skill], model: SkillModel) -> str:
     return "" if walked.complete else walked.violations[0].reason
 
 
+def find_folder(spec: str) -> Path | None:
+    """Return the folder of an agent from a file; None for a module."""
+    place = spec.rpartition(":")[0]
+    return Path(place).resolve().parent if place.endswith(".py") else None
+
+
+@contextmanager
+def importing_from(folder: Path | None) -> Iterator[None]:
+    """Let a file import modules from its folder, hidden from the files of other folders."""
+    if folder is None:
+        yield
+        return
+    siblings = _siblings.setdefault(folder, {})
+    before = set(sys.modules)
+    sys.modules.update({key: siblings[key] for key in siblings.keys() - before})
+    sys.path.insert(0, str(folder))
+    try:
+        yield
+    finally:
+        with suppress(ValueError):
+            sys.path.remove(str(folder))
+        for name in set(sys.modules) - before:
+            top = name.partition(".")[0]
+            own = (folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file()
+            if top not in before and own:
+                siblings[name] = sys.modules.pop(name)
+
+
 def find_factory(spec: str) -> Callable[..., Any]:
     """Return the callable of ``MODULE:NAME`` or ``FILE.py:NAME``.
 
@@ -275,11 +340,17 @@ def find_factory(spec: str) -> Callable[..., Any]:
     place, _, name = spec.rpartition(":")
     try:
         if place.endswith(".py"):
-            file = importlib.util.spec_from_file_location(Path(place).stem, place)
+            title = Path(place).stem
+            # A file named as a loaded library does not replace the library.
+            title = f"{title}_agent" if title in sys.modules else title
+            file = importlib.util.spec_from_file_location(title, place)
             assert file is not None
             assert file.loader is not None
             module = importlib.util.module_from_spec(file)
-            file.loader.exec_module(module)
+            with importing_from(find_folder(spec)):
+                # Dataclasses look their module up.
+                sys.modules[title] = module
+                file.loader.exec_module(module)
         else:
             module = importlib.import_module(place)
         factory = getattr(module, name)
@@ -298,30 +369,39 @@ def _construct(factory: Callable[..., Any], env: Any, seed: int) -> Any:
     return factory(env=env, **given) if "env" in parameters else factory(env, **given)
 
 
-class _TimeIsUp(Exception):
-    """The time limit passed during a training."""
+class _TrainingEnds(Exception):
+    """The time or the steps of a training are over."""
 
 
-def _make_limited_env(model: SkillModel, stop: Stop) -> Any:
-    """Return the environment of a model, which raises `_TimeIsUp` once training has to end."""
+def _make_limited_env(model: SkillModel, stop: Stop, steps: int, seed: int) -> Any:
+    """Return the environment of a model, which raises `_TrainingEnds` at a limit.
+
+    Its actions, and its first episode unless the learner seeds it, have the seed.
+    """
     import gymnasium
 
     from skillplan.env.skill_env import SkillEnv
 
     class LimitedEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
         steps = 0
+        first_seed: int | None = seed
+
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+            seed = self.first_seed if seed is None else seed
+            self.first_seed = None
+            return super().reset(seed=seed, options=options)
 
         def step(self, action: Any) -> Any:
-            if stop():
-                raise _TimeIsUp
+            if stop() or self.steps >= limit:
+                raise _TrainingEnds
             self.steps += 1
             return super().step(action)
 
         def action_masks(self) -> Any:
             return env.action_masks()
 
-    env = SkillEnv(model)
-
+    limit, env = steps, SkillEnv(model)
+    env.action_space.seed(seed)
     return LimitedEnv(env)
 
 

@@ -1,4 +1,7 @@
-"""Runs of agents on instances, each in a worker process that is ended soon after its limit."""
+"""Runs of agents on instances in worker processes, one at a time in each.
+
+A process is used again for the next run, and ended if its run goes on long after its limit.
+"""
 
 from __future__ import annotations
 
@@ -35,6 +38,8 @@ _loaded: set[str] = set()
 _GRACE_S = 120.0
 # Time limit of the first run of an agent in a process, which does not count [s].
 _LOADING_S = 0.5
+# Its steps: a roll-out of `SETTINGS` and an update.
+_LOADING_STEPS = 300
 # Expected time of a run beyond its limit: start of the process and replay [s].
 _OVERHEAD_S = 1.0
 # The file of the results is written at most this often [s].
@@ -175,6 +180,15 @@ class ResultFile:
                 )
         agents = {**before.agents, **now.agents}
         kept = [row for row in before.rows if row.status is not Status.FAILED]
+        for name in dict.fromkeys(row.agent for row in kept):
+            was, is_now = before.agents.get(name, "no version"), agents.get(name, "no version")
+            if was != is_now:
+                is_file = is_now.startswith("sha256 ")
+                place = name.rpartition(":")[0] if is_file else name
+                versions = "" if is_file else f": {was} there, {is_now} now"
+                raise OptionError(
+                    f"--out {path}: was begun with another {place}{versions}; name a new file."
+                )
         for row in kept:
             instance = self._known.get(row.instance)
             if instance is None or row.sha256 != instance.sha256:
@@ -288,7 +302,7 @@ def _load_kernels(each: Run) -> None:
             from skillplan.solvers.ordering.portfolio import warm_up
 
             warm_up()
-    run(each.instance, each.instance.load(), each.agent, _LOADING_S, each.seed, steps=1)
+    run(each.instance, each.instance.load(), each.agent, _LOADING_S, each.seed, _LOADING_STEPS)
 
 
 def do_run(each: Run) -> Row:

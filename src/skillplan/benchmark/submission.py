@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,11 +11,14 @@ from typing import Literal
 
 from pydantic import Field
 
-from skillplan.benchmark.instances import PROOF_GAP, Instance
+from skillplan import __version__
+from skillplan.benchmark.agents import is_learner
+from skillplan.benchmark.instances import PROOF_GAP, Instance, hash_instances
 from skillplan.domains.domain import Strict
-from skillplan.errors import OptionError, SkillplanError
+from skillplan.errors import OptionError, PluginError, SkillplanError
 from skillplan.files.json_file import read_checked
 from skillplan.judge.referee import judge
+from skillplan.pipeline import registry
 from skillplan.pipeline.solving import SearchRequest, describe, make_model
 from skillplan.records import schemas
 from skillplan.records.result import Result, Status
@@ -23,6 +26,9 @@ from skillplan.solvers.solution import Plan, Policy, Solution, relative_gap
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
+
+# A run that ends at its time limit may take this much longer [s].
+_OVERTIME_S = 5.0
 
 
 class Row(Strict):
@@ -113,7 +119,7 @@ class Submission(Strict):
     search_limit_s: float = Field(gt=0, description="time limit of a search [s]")
     learning_limit_s: float = Field(gt=0, description="time limit of a learner [s]")
     steps: int = Field(ge=1, description="environment steps of learners from elsewhere, at most")
-    agents: dict[str, str] = Field(description="agents, each with its distribution and version")
+    agents: dict[str, str] = Field(description="agents, each with its version or file hash")
     rows: list[Row] = Field(description="one for each agent, instance and seed")
 
 
@@ -142,18 +148,20 @@ def read_submission(path: str) -> Submission:
     return content
 
 
-def check_rows(rows: Sequence[Row], instances: Mapping[str, Instance]) -> Iterator[Refusal]:
+def check_rows(submission: Submission, instances: Mapping[str, Instance]) -> Iterator[Refusal]:
     """Yield the rows that are false: their plans are replayed and their costs added up again.
+
+    Rows beyond the limits of the submission are false, too.
 
     Parameters
     ----------
-    rows
-        The rows of a submission.
+    submission
+        The submission.
     instances
         All instances by name.
     """
     by_instance: dict[str, list[Row]] = {}
-    for row in rows:
+    for row in submission.rows:
         by_instance.setdefault(row.instance, []).append(row)
     for name, own in by_instance.items():
         instance = instances.get(name)
@@ -163,9 +171,53 @@ def check_rows(rows: Sequence[Row], instances: Mapping[str, Instance]) -> Iterat
             continue
         task = instance.load()
         for row in own:
-            reason = _find_fault(row, instance, task)
+            reason = _find_excess(row, submission) or _find_fault(row, instance, task)
             if reason:
                 yield Refusal(row, reason)
+
+
+def find_limit_s(agent: str, submission: Submission) -> float:
+    """Return the time limit of an agent [s]: the larger one if it is not installed."""
+    try:
+        is_learning = is_learner(agent)
+    except PluginError:
+        return max(submission.learning_limit_s, submission.search_limit_s)
+    return submission.learning_limit_s if is_learning else submission.search_limit_s
+
+
+def _find_excess(row: Row, submission: Submission) -> str:
+    """Return the limit of the header that a row exceeds; empty if it keeps them."""
+    if row.agent not in submission.agents:
+        return "the header does not list its agent under agents"
+    has_steps = row.agent not in registry.names("solver")
+    if has_steps and row.steps is not None and row.steps > submission.steps:
+        return f"it took {row.steps} environment steps, more than {submission.steps}"
+    if row.wall_s <= _OVERTIME_S:
+        return ""
+    limit_s = find_limit_s(row.agent, submission)
+    if row.wall_s > limit_s + _OVERTIME_S:
+        return f"it took {row.wall_s:.4g} s, more than the limit of {limit_s:g} s"
+    return ""
+
+
+def list_header_notes(submission: Submission, instances: Mapping[str, Instance]) -> list[str]:
+    """Return differences of a header from this installation, each of which ends no check."""
+    notes = []
+    if submission.skillplan != __version__:
+        notes.append(f"written by skillplan {submission.skillplan}, checked by {__version__}")
+    names = {row.instance for row in submission.rows}
+    own = [instances[name] for name in names if name in instances]
+    if len(own) == len(names) and submission.benchmark == hash_instances(own):
+        return notes
+    start = f"benchmark  {submission.benchmark[:12]} is not the hash of the {len(names)} instances"
+    suites = dict.fromkeys(each.suite for each in instances.values())
+    sets = {"all instances": list(instances.values())} | {
+        f"the suite {suite}": [each for each in instances.values() if each.suite == suite]
+        for suite in suites
+    }
+    fits = [title for title, some in sets.items() if hash_instances(some) == submission.benchmark]
+    end = f"but of {fits[0]}" if fits else "and fits no suite here, so it cannot be checked"
+    return [*notes, f"{start} of its rows, {end}"]
 
 
 def _find_fault(row: Row, instance: Instance, task: Task) -> str:

@@ -147,9 +147,10 @@ def command(
 ) -> int:
     """Run agents on tasks with proved optima under equal limits, and compare them.
 
-    Every run has a process of its own. The referee executes all plans and adds up their costs. The
-    table shows shares, gaps to the optimum and times with 95 % intervals over instances. Ctrl-C
-    prints the results so far; the same command with --out continues.
+    A worker process does one run at a time, and is used again for the next one. The referee
+    executes all plans and adds up their costs. The table shows shares, gaps to the optimum and
+    times with 95 % intervals over instances. Ctrl-C prints the results so far; the same command
+    with --out continues.
     """
     from skillplan.benchmark.instances import choose_instances, load_instances
     from skillplan.errors import OptionError
@@ -159,6 +160,8 @@ def command(
         raise OptionError("Give one of --list, --check and --prove.")
     if agents and (instead.listing or instead.check or instead.prove):
         raise OptionError("--list, --check and --prove run no agents.")
+    if out is not None and (instead.listing or instead.check is not None or instead.prove):
+        raise OptionError("--list, --check and --prove write no file. Leave out --out.")
     known = load_instances()
     chosen = choose_instances(known, split_names(selection.suites or ""), selection.only)
     if instead.listing:
@@ -247,17 +250,38 @@ def _list(instances: list[Instance], style: str) -> int:
 
 def _check(path: str, known: list[Instance], style: str) -> int:
     """Check a submission, print its table and the refused rows, and return the exit code."""
-    from skillplan.benchmark.submission import check_rows, read_submission
+    from skillplan.benchmark.submission import (
+        Row,
+        check_rows,
+        find_limit_s,
+        list_header_notes,
+        read_submission,
+    )
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
-    from skillplan.views.tables.benchmark import tabulate_agents, tabulate_refusals
+    from skillplan.records.result import Status
+    from skillplan.views.tables.benchmark import tabulate_agents, tabulate_check
 
     instances = {each.name: each for each in known}
     submission = read_submission(path)
-    refusals = list(check_rows(submission.rows, instances))
-    refused = {id(refusal.row) for refusal in refusals}
-    kept = [row for row in submission.rows if id(row) not in refused]
+    refusals = list(check_rows(submission, instances))
+    refused = {refusal.row.key for refusal in refusals}
+    kept = [row for row in submission.rows if row.key not in refused]
     sound = submission.model_copy(update={"rows": kept})
+    # Refused rows are failures, so that a forgery gains nothing.
+    failures = [
+        Row(
+            agent=row.agent,
+            instance=row.instance,
+            sha256=row.sha256,
+            seed=row.seed,
+            status=Status.FAILED,
+            wall_s=find_limit_s(row.agent, submission),
+            reason=f"refused: {reason}",
+        )
+        for row, reason in ((refusal.row, refusal.reason) for refusal in refusals)
+    ]
+    counted = submission.model_copy(update={"rows": [*kept, *failures]})
     document = {
         **sound.model_dump(mode="json", by_alias=True),
         "refused": [
@@ -265,9 +289,11 @@ def _check(path: str, known: list[Instance], style: str) -> int:
             for refusal in refusals
         ],
     }
-    tables = [*tabulate_agents(sound, instances), tabulate_refusals(refusals, len(submission.rows))]
-    emit(style, document, tables, failed=bool(refusals))
-    return exit_code(solved=not refusals)
+    notes = list_header_notes(submission, instances)
+    tables = tabulate_check(tabulate_agents(counted, instances), refusals, kept, notes)
+    is_sound = bool(kept) and not refusals
+    emit(style, document, tables, failed=not is_sound)
+    return exit_code(solved=is_sound)
 
 
 def _prove(instances: list[Instance], limit_s: float | None) -> int:

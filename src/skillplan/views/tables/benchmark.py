@@ -16,8 +16,7 @@ from skillplan.views.text.table import Column, Table
 
 # Numbers of runs for which the smallest meaningful difference is shown.
 _RUNS = (3, 5, 10)
-# Quantile of the normal distribution for a power of 80 %.
-_POWER = 0.8416
+_POWER = 0.8
 _NUMBERS = "tasks", "solved [%]", "proved [%]", "optimal [%]", "gap [%]", "time [s]"
 
 
@@ -33,7 +32,8 @@ def tabulate_agents(submission: Submission, instances: Mapping[str, Instance]) -
     """
     rows = [row for row in submission.rows if row.instance in instances]
     learning = {row.instance for row in rows if instances[row.instance].learning}
-    agents = [agent for agent in submission.agents if any(row.agent == agent for row in rows)]
+    listed = dict.fromkeys([*submission.agents, *(row.agent for row in rows)])
+    agents = [agent for agent in listed if any(row.agent == agent for row in rows)]
     # Learners run on learning tasks only, unless all are requested.
     wide = [
         agent
@@ -222,14 +222,41 @@ def smallest_difference(sd: float, runs: int) -> float:
     Returns
     -------
     float
-        The difference that is found with a power of 80 %.
+        The difference that is found with a power of 80 %, from the noncentral t distribution.
     """
-    return (t_quantile(2 * runs - 2) + _POWER) * sd * math.sqrt(2 / runs)
+    from scipy.special import nctdtrinc
+
+    # The other tail has a probability below 1e-5.
+    shift = nctdtrinc(2 * runs - 2, 1 - _POWER, t_quantile(2 * runs - 2))
+    return float(shift * sd * math.sqrt(2 / runs))
 
 
-def tabulate_refusals(refusals: Sequence[Refusal], total: int) -> Table:
-    """Return the rows of a submission that the referee refuses."""
+def tabulate_check(
+    tables: Sequence[Table], refusals: Sequence[Refusal], held: Sequence[Row], notes: Sequence[str]
+) -> list[Table]:
+    """Return the tables of agents with the outcome of a check, and refused rows if there are any.
+
+    Parameters
+    ----------
+    tables
+        Tables of the agents, at least one.
+    refusals
+        Rows that the referee refuses.
+    held
+        The other rows.
+    notes
+        Notes on the header.
+    """
     columns = [Column("agent"), Column("instance"), Column("seed", right=True), Column("reason")]
     rows = [[r.row.agent, r.row.instance, str(r.row.seed), r.reason] for r in refusals]
-    note = f"{total - len(refusals)} of {total} rows hold: their plans were executed again"
-    return Table("refused rows", columns, rows, [note])
+    plans = sum(row.is_solved for row in held)
+    outcome = (
+        f"{len(held)} of {len(held) + len(refusals)} rows hold. Plans and policies executed "
+        f"again: {plans}; rows without: {len(held) - plans}"
+    )
+    if not held and not refusals:
+        outcome = "no rows: nothing to check"
+    notes = [*notes, outcome]
+    if refusals:
+        return [*tables, Table("refused rows", columns, rows, notes)]
+    return [*tables[:-1], replace(tables[-1], notes=[*tables[-1].notes, *notes])]
