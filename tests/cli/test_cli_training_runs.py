@@ -76,6 +76,20 @@ class TestEvaluate:
         assert "paper dev." not in out
         assert "N/A" in out
 
+    def test_a_folder_named_twice_counts_once(self, cli, runs):
+        again = f"{runs.parent}/./{runs.name}"
+        outcome = cli("evaluate", str(runs), again, "--format", "json")
+        assert (0, "skillplan.training/1") == (outcome.code, outcome.document["schema"])
+        assert f"{again} is the folder {runs} again: it counts once" in outcome.err
+
+    @pytest.mark.parametrize("command", ["evaluate", "plot"])
+    def test_what_stands_beside_a_folder_of_runs_is_one_too(self, cli, runs, command):
+        nowhere = str(runs.parent / "nope")
+        refusal = cli(command, nowhere, str(runs)).refusal
+        assert f"{nowhere}: no such file or folder" in refusal
+        alone = f"{BOARD} is not a folder of training runs, so {command} takes it alone"
+        assert alone in cli(command, str(runs), BOARD).refusal
+
     @pytest.mark.slow(reason="four evaluations; the roll-out itself in every run")
     def test_it_is_the_same_every_time_and_the_seed_decides(self, cli, runs):
         def told(*words: str) -> Any:

@@ -254,6 +254,8 @@ class TestTable:
             for key in ("completion", "deviation_iqm", "cost_iqm"):
                 assert (document[key]["ci95"] is None) is not explores, key
             assert ("seeds of a planner do not form a sample" in text) is not explores
+            assert ("settled in 3 of 3 runs after 400 steps" in text) is not explores
+            assert ("explored 3 of 3 runs without plans" in text) is explores
             assert ("interquartile mean 0.23 % (95 %" in text) is explores
 
     def test_below_stand_optimum_counts_intervals_and_what_failed(self, board):

@@ -160,8 +160,9 @@ def command(
 
     The policy of train --family generated:A-B is followed greedily on any --task FILE.
     """
+    from skillplan.cli.writing import tell
     from skillplan.errors import OptionError
-    from skillplan.records.stored.result_folder import find_run_folder, is_relational, is_result
+    from skillplan.records.stored.result_folder import find_run_folders, is_relational, is_result
 
     kinds: dict[Mode, str] = {
         replay_on_task: "a task file",
@@ -175,13 +176,11 @@ def command(
         if len(inputs) > 1:
             raise OptionError(f"{first} carries over: evaluate takes it alone, with one --task.")
         return follow_family_policy(first, task_file, reading, *common)
-    folders = [find_run_folder(path) for path in inputs]
-    runs = [folder for folder in folders if folder is not None]
-    if len(inputs) > 1 and None in folders:
-        odd = inputs[folders.index(None)]
-        raise OptionError(f"{odd} is not a folder of training runs, so evaluate takes it alone.")
+    runs, notes = find_run_folders(inputs, "evaluate")
     if runs:
         check_options(ctx, evaluate_runs, kinds)
+        for note in notes:
+            tell(f"skillplan: note: {note}")
         changes = Reading(reading.changes)
         return evaluate_runs(runs, task_file, changed_task, roll_outs, changes, seed, *common)
     if is_result(first):

@@ -161,7 +161,7 @@ def command(
     plot verifies a RESULT before it draws it, for at most 10 s, and refuses to draw a wrong one.
     Several RUNs of one task share a figure. Prints the names of the files written.
     """
-    from skillplan.records.stored.result_folder import find_run_folder, is_result
+    from skillplan.records.stored.result_folder import find_run_folders, is_result
 
     kinds: dict[Mode, str] = {
         plot_task: "a task file",
@@ -169,13 +169,11 @@ def command(
         plot_runs: "a folder of runs",
     }
     sources, figure = _split_inputs(inputs)
-    folders = [find_run_folder(source) for source in sources]
-    runs = [folder for folder in folders if folder is not None]
-    if len(sources) > 1 and None in folders:
-        odd = sources[folders.index(None)]
-        raise OptionError(f"{odd} is not a folder of training runs, so plot takes it alone.")
+    runs, notes = find_run_folders(sources, "plot")
     if runs:
         check_options(ctx, plot_runs, kinds)
+        for note in notes:
+            tell(f"skillplan: note: {note}")
         return plot_runs(runs, figure, limits, against, file)
     plot = plot_result if is_result(sources[0]) else plot_task
     check_options(ctx, plot, kinds)

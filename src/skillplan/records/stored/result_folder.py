@@ -7,6 +7,7 @@ has not finished.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from skillplan.errors import OptionError
@@ -111,6 +112,42 @@ def find_run_folder(path: str) -> str | None:
         return None if is_regular(named / RESULT) and not _is_there(named / MANIFEST) else path
     of_runs = named.name == RESULT and _is_there(named.parent / MANIFEST)
     return str(named.parent) if of_runs else None
+
+
+def find_run_folders(paths: Sequence[str], command: str) -> tuple[list[str], list[str]]:
+    """Return the folders of training runs of paths, each once, and notes on repeated ones.
+
+    Both are empty if a single path is no such folder.
+
+    Parameters
+    ----------
+    command
+        Name of the command, for messages.
+
+    Raises
+    ------
+    OptionError
+        If one of several paths does not exist or is no folder of runs, or a search has not
+        finished.
+    """
+    folders: dict[str, str] = {}
+    notes = []
+    for path in paths:
+        folder = find_run_folder(path)
+        if folder is None:
+            if len(paths) == 1:
+                return [], []
+            if not os.path.exists(path):
+                raise OptionError(f"{path}: no such file or folder.")
+            raise OptionError(
+                f"{path} is not a folder of training runs, so {command} takes it alone."
+            )
+        place = os.path.realpath(folder)
+        if place in folders:
+            notes.append(f"{path} is the folder {folders[place]} again: it counts once")
+        else:
+            folders[place] = folder
+    return list(folders.values()), notes
 
 
 def is_relational(path: str) -> bool:

@@ -282,12 +282,12 @@ def _describe_plans(result: TrainingResult) -> list[str]:
     records = [run.training for run in result.outcomes if run.training is not None]
     notes = []
     steps = sorted(record.settled_step for record in records if record.settled_step is not None)
-    if any(record.planned for record in records):
-        note = f"plans      {len(steps)} of {count(len(records), 'run')} found no better plan"
+    if result.planned:
+        note = f"plans      settled in {len(steps)} of {count(len(records), 'run')}"
         if steps:
             last = f" to {steps[-1]:,}" if steps[-1] != steps[0] else ""
             note += f" after {steps[0]:,}{last} steps"
-        if result.planned and len(records) > 1:
+        if len(records) > 1:
             note += "; seeds of a planner do not form a sample, so their costs get no interval"
         notes.append(note)
     explores = sum(record.explores for record in records)
@@ -455,7 +455,7 @@ def tabulate_methods(comparison: MethodComparison) -> Table:
     rows = [
         [
             method.name,
-            str(len(method.tasks)),
+            str(len(set(method.tasks))),
             str(method.runs),
             _format_figure(method.score_iqm, _format_score)
             + (" deterministic" if method.deterministic else ""),
