@@ -99,6 +99,17 @@ class TestOutput:
         assert 0 == cli("sweep", CASES, *QUICK, "--plot", str(picture)).code
         assert picture.read_bytes().startswith(b"\x89PNG")
 
+    def test_seeds_of_a_planner_get_no_interval(self, cli, board):
+        """As in the tables of train and evaluate."""
+        words = ("--solver", "learned-model", "-O", "steps=300", "--runs", "3")
+        document = cli("sweep", board, *words, "--format", "json").document
+        assert [True] * 3 == [run["planned"] for run in document["runs"]]
+        (setting,) = document["settings"]
+        assert 3 == setting["arrived"]
+        for figure in ("arrived_share", "best_share", "steps", "excess"):
+            assert setting[figure].get("ci95") is None, figure
+        assert setting["learning_s"]["ci95"] is not None
+
     def test_a_step_limit_can_be_set(self, cli):
         """From a start that takes longer, the solver has failed."""
         words = ("--starts", "C20,C78", "--set", "step_limit=5", "--runs", "1")

@@ -123,6 +123,7 @@ def _run(
         return SweepRecord(setting, seed, error=f"refused: {solved.refusal}")
     result = grade(request, solved)
     outcomes = [_make_outcome(first, result)]
+    planned = "planned_episodes" in result.trace
     shared = solved.solution.policy is not None
     if shared:
         # Its proof holds for the first start only.
@@ -135,7 +136,8 @@ def _run(
             else solve(task, job.solver, setup, seed=seed, stop=stop, cache=job.cache())
         )
         outcomes.append(_make_outcome(name, other))
-    return SweepRecord(setting, seed, tuple(outcomes), shared, result.expanded)
+        planned = planned or "planned_episodes" in other.trace
+    return SweepRecord(setting, seed, tuple(outcomes), shared, result.expanded, planned=planned)
 
 
 def _make_outcome(start: str, result: Result) -> StartOutcome:

@@ -77,6 +77,8 @@ class SweepRecord:
         Why the run failed, if it did.
     back_end_failed
         True if the run failed by a back end or its process, not by its options or the solver.
+    planned
+        True if the run planned its episodes with a learned model, so that its seed is no sample.
 
     Raises
     ------
@@ -91,6 +93,7 @@ class SweepRecord:
     iterations: int | None = None
     error: str | None = None
     back_end_failed: bool = False
+    planned: bool = False
 
     def __post_init__(self) -> None:
         if min(self.setting, self.seed, self.iterations or 0) < 0:
@@ -145,6 +148,7 @@ def _has_valid_types(record: SweepRecord) -> bool:
         "iterations": (int, type(None)),
         "error": (str, type(None)),
         "back_end_failed": bool,
+        "planned": bool,
     }
     return all(isinstance(getattr(record, key), kind) for key, kind in expected.items()) and all(
         isinstance(outcome.start, str) and isinstance(outcome.reason, str)
@@ -269,6 +273,11 @@ class SweepResult:
             if record.setting in settings
         ]
         arrived = [run for run in runs if all(outcome.arrived for outcome in run)]
+        sampled = self.sampled(settings)
+
+        def over_runs(estimate: Estimate | None) -> Estimate | None:
+            return estimate if estimate is None or sampled else estimate.bare
+
         optima = {place.name: place.optimum for place in self.plan.starts}
         starts = list(optima) if start is None else [start]
         excess = None
@@ -276,24 +285,27 @@ class SweepResult:
         if all(optima[name] is not None for name in starts):
             above = [[_above(outcome, optima[outcome.start]) for outcome in run] for run in arrived]
             best = sum(all(cost == 0.0 for cost in costs) for costs in above)
-            excess = self._over_runs(mean([sum(costs) for costs in above]))
+            excess = over_runs(mean([sum(costs) for costs in above]))
         return StartSummary(
             start,
             len(runs),
             len(arrived),
-            self._over_runs(share(len(arrived), len(runs))),
+            over_runs(share(len(arrived), len(runs))),
             best,
-            None if best is None else self._over_runs(share(best, len(runs))),
-            self._over_runs(
-                mean([float(sum(outcome.steps or 0 for outcome in run)) for run in arrived])
-            ),
+            None if best is None else over_runs(share(best, len(runs))),
+            over_runs(mean([float(sum(outcome.steps or 0 for outcome in run)) for run in arrived])),
             excess,
             mean([self._learning_s(run) for run in runs]),
         )
 
-    def _over_runs(self, estimate: Estimate | None) -> Estimate | None:
-        """Return an estimate over the runs, without its interval if they are not samples."""
-        return estimate if estimate is None or self.plan.seeded else estimate.bare
+    def sampled(self, settings: Sequence[int]) -> bool:
+        """Return whether the runs of settings are samples.
+
+        They are not if the solver ignores the seed, or plans with a learned model.
+        """
+        return self.plan.seeded and not any(
+            record.planned for record in self._sound if record.setting in settings
+        )
 
     def _learning_s(self, run: Sequence[StartOutcome]) -> float:
         times_s = [outcome.learning_s for outcome in run]

@@ -314,12 +314,13 @@ class Learner(Solver):
             objective=options.objective,
         )
         training = self.begin(env, [seed], steps)
-        episodes = completed = 0
+        episodes = completed = planned = 0
         best: float | None = None
         while training.steps < steps and not training.failed and not self.stop():
             for episode in training.advance(min(STRIDE_STEPS, steps - training.steps)):
                 episodes += 1
                 completed += episode.success
+                planned += episode.planned
                 if episode.success and model.task.deterministic:
                     names = tuple(model.task.skills[action].name for action in episode.actions)
                     self.stop.incumbent(Plan(names, episode.cost))
@@ -334,6 +335,9 @@ class Learner(Solver):
             **self.figures(model),
             **training.remarks(0),
         }
+        # A run that explored in the end depends on its seed, whatever it planned before.
+        if planned and "explores" not in training.figures()[0]:
+            trace["planned_episodes"] = planned
         if training.failed:
             return Solution(trace={**trace, "reason": training.failed[0]})
         choose = NetworkChoice(training.learned(0).policy, model, options.observation, options.mask)

@@ -46,6 +46,7 @@ def tabulate_settings(result: SweepResult) -> Table:
     shown = plan.settings[:_MOST_SAMPLED] if sampled else plan.settings
     for index, setting in enumerate(shown):
         every = result.summary([index])
+        sampled_runs = result.sampled([index])
         rows.append(
             [
                 *([str(plan.about(index)["trial"])] if sampled else []),
@@ -53,10 +54,10 @@ def tabulate_settings(result: SweepResult) -> Table:
                 str(every.runs),
                 *(_format_steps(result.summary([index], name)) for name in starts),
                 str(every.arrived),
-                _format_percent(every.arrived_share, seeded=plan.seeded),
+                _format_percent(every.arrived_share, sampled=sampled_runs),
                 "-" if every.best is None else str(every.best),
-                _format_percent(every.best_share, seeded=plan.seeded),
-                _format_plus_minus(every.excess, decimals, every.arrived if plan.seeded else 1),
+                _format_percent(every.best_share, sampled=sampled_runs),
+                _format_plus_minus(every.excess, decimals, every.arrived if sampled_runs else 1),
                 _format_plus_minus(every.learning_s, 3, every.runs),
             ]
         )
@@ -129,6 +130,8 @@ def _write_notes(result: SweepResult) -> list[str]:
     ]
     if not plan.seeded:
         notes[-1] = f"intervals  of times only: {plan.solver} does not depend on the seed"
+    elif not result.sampled(range(len(plan.settings))):
+        notes[-1] += "; deterministic: seeds of a planner do not form a sample"
     if plan.design == ONE_AT_A_TIME and plan.axes:
         notes.append(f"centre     {format_setting(plan.centre)}")
     if isinstance(plan, SampledPlan):
@@ -178,8 +181,8 @@ def _format_steps(summary: StartSummary) -> str:
     return f"{text} ({summary.arrived}/{summary.runs})"
 
 
-def _format_percent(estimate: Estimate | None, *, seeded: bool) -> str:
-    if estimate is not None and not seeded:
+def _format_percent(estimate: Estimate | None, *, sampled: bool) -> str:
+    if estimate is not None and not sampled:
         return "deterministic"
     if estimate is None or estimate.low is None or estimate.high is None:
         return "-"
