@@ -1,11 +1,12 @@
 """`export`: what is written where, and what is refused before anything is."""
 
+import re
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-from run_folders import OPTIMAL, SWITCHED, write_runs
+from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, write_runs
 from skillplan.judge import PlannerAnswer, fast_downward
 
 PLAN = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
@@ -139,3 +140,25 @@ def test_a_policy_is_exported_from_its_folder_of_runs_only(cli, board, tmp_path)
         refused = cli("export", *words, "--out", str(tmp_path / "other"))
         assert 2 == refused.code
         assert message in refused.err
+
+
+def test_under_chance_the_policy_of_least_expected_cost_is_exported(cli, tmp_path):
+    """A training keeps no cost then: one episode does not show it."""
+    pytest.importorskip("onnx")
+    task, sequences = "configs/inverter_grasps.yaml", [HOPELESS, SWITCHED, OPTIMAL]
+    runs = write_runs(tmp_path / "runs", task, sequences, observation="paper")
+    for run in range(3):
+        changed(runs / "runs" / f"0{run}" / "policy.json", "cost", to=None)
+
+    def told(*words: str) -> tuple[str, str]:
+        out = str(tmp_path / f"{len(list(tmp_path.iterdir()))}.onnx")
+        outcome = cli("export", str(runs), "--to", "onnx", "--out", out, *words)
+        assert 0 == outcome.code, outcome.err
+        first, second = re.findall("note: (.*)", outcome.err)[:2]
+        return first.partition(" of look-up")[0], second
+
+    best, least = told()
+    assert "policy of run 2" == best
+    assert re.fullmatch(r"expected cost 2\.\d+ m, the least of 3 runs", least)
+    assert re.fullmatch(r"expected cost 2\.\d+ m", told("-O", "onnx.run=1")[1])
+    assert told("-O", "onnx.run=0")[1].startswith("this policy has no cost: ")

@@ -71,9 +71,11 @@ class TrainedPolicy:
     step
         Environment step at which it was kept.
     cost
-        Cost of its episode then; None if no policy of its run completed the task.
+        Cost of its episode then, under chance its expected cost; None without one.
     own_rule
         How it drew its actions at the end of the training, such as ``temperature 1``.
+    problem
+        Why it has no cost; empty if no policy of its run completed the task.
     """
 
     weights: tuple[Any, ...]
@@ -87,6 +89,7 @@ class TrainedPolicy:
     step: int
     cost: float | None
     own_rule: str
+    problem: str = ""
 
 
 @dataclass(frozen=True)

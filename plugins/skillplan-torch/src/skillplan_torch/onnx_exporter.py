@@ -32,7 +32,8 @@ class OnnxExporter(Exporter):
             default=None,
             ge=0,
             le=1_000,
-            description="run whose policy is exported; null for the cheapest one [-]",
+            description="run whose policy is exported; null for the one of least cost, under "
+            "chance expected [-]",
         )
 
     options: Options
@@ -48,8 +49,14 @@ class OnnxExporter(Exporter):
             f"policy of run {run} of {policy.solver}, kept at step {policy.step:,}; "
             f"observation {policy.observation}, mask {policy.mask}"
         ]
-        if policy.cost is None:
+        if policy.problem:
+            notes.append(f"this policy has no cost: {policy.problem}")
+        elif policy.cost is None:
             notes.append("no policy of this run has completed the task, so this is its last one")
+        elif handover.chance:
+            least = self.options.run is None and len(handover.policies) > 1
+            of = f", the least of {len(handover.policies)} runs" if least else ""
+            notes.append(f"expected cost {handover.task.cost_text(policy.cost)}{of}")
         return tuple(notes)
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +23,9 @@ from skillplan.cli.options.shared import (
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.exporters.exporter import Exporter, TrainedPolicy
+    from skillplan.model.skill_model import SkillModel
     from skillplan.pipeline.setup import Setup
+    from skillplan.records.training.network_policy_file import StoredNetwork
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
 
@@ -119,7 +121,11 @@ def command(
                 )
                 tell(f"skillplan: error: the plan does not hold: {where}: {violation.reason}")
                 return exit_code(solved=False)
-            handover = make_handover(model, setup, plan, source.policies)
+            policies = {
+                run: _describe_policy(model, stored, source.layouts)
+                for run, stored in source.policies.items()
+            }
+            handover = make_handover(model, setup, plan, policies)
             files = export_files(exporter, handover)
             notes = [*list_notes(exporter, handover), *([_FAMILY] if source.family else [])]
             if plan is not None:
@@ -136,13 +142,17 @@ def command(
 
 @dataclass(frozen=True)
 class _Source:
-    """A task with its back ends, its plan or policies if any, and whether it has a family."""
+    """A task with its back ends, its plan or policies if any, and whether it has a family.
+
+    Its policies may have been trained on layouts of the family.
+    """
 
     task: Task
     setup: Setup
     skills: tuple[Skill, ...] | None = None
     family: bool = False
-    policies: Mapping[int, TrainedPolicy] = field(default_factory=dict)
+    policies: Mapping[int, StoredNetwork] = field(default_factory=dict)
+    layouts: bool = False
 
 
 def _read(
@@ -193,18 +203,51 @@ def _read(
 
 def _read_policies(path: str, to: str, back_ends: BackEnds, checking: Checking) -> _Source:
     """Return the policies of a training and its task, as it was learned."""
-    from skillplan.pipeline.exchange import describe_policy
+    from skillplan.pipeline.setup import CHART
     from skillplan.records.training.run_folder import RunFolder
 
     folder = RunFolder(path)
-    learned = folder.manifest.task
+    manifest, learned = folder.manifest, folder.manifest.task
     changes = [f"{key}={value}" for key, value in learned.changes.items()]
     problem = load_file(str(folder.checked_copy()), Reading(changes), back_ends, warn=False)
     task = problem.part(learned.part)
-    setup = make_setup(back_ends, task, (to,), executor=checking.executor)
-    stored = {run.run: run.policy for run in folder.runs() if run.policy is not None}
-    policies = {run: describe_policy(policy) for run, policy in stored.items()}
-    return _Source(task, setup, policies=policies)
+    layouts, with_chart, kept = manifest.family is not None, True, {}
+    if layouts or not task.deterministic:
+        # Their costs are computed here, with the back ends that judged the training.
+        with_chart = back_ends.collision is not None or CHART in manifest.collision
+        back_ends = replace(
+            back_ends,
+            physics=back_ends.physics or manifest.physics,
+            collision=back_ends.collision or ",".join(manifest.collision) or None,
+        )
+        kept = manifest.back_end_options
+    setup = make_setup(back_ends, task, (to,), executor=checking.executor, with_chart=with_chart)
+    options = {
+        name: {**kept.get(name, {}), **setup.options.get(name, {})}
+        for name in {**kept, **setup.options}
+    }
+    policies = {run.run: run.policy for run in folder.runs() if run.policy is not None}
+    return _Source(task, replace(setup, options=options), policies=policies, layouts=layouts)
+
+
+def _describe_policy(model: SkillModel, stored: StoredNetwork, layouts: bool) -> TrainedPolicy:
+    """Return a stored policy with its cost, expected under chance.
+
+    Under chance and on several layouts a training keeps no cost: one episode does not show it.
+    """
+    from skillplan.env.observation import Observation
+    from skillplan.pipeline.exchange import describe_policy
+    from skillplan.training.policies import roll_out_greedily
+
+    described, content = describe_policy(stored), stored.content
+    if model.task.deterministic and not (layouts and content.cost is None):
+        return described
+    observation = Observation.of(model.task, content.observation)
+    problem = stored.misfit(model.task, observation)
+    if problem is not None:
+        return replace(described, cost=None, problem=problem)
+    outcome = roll_out_greedily(model, observation, stored.network, content.mask)
+    return replace(described, cost=outcome.cost, problem=outcome.reason)
 
 
 def _write(exporter: Exporter, path: Path, files: Mapping[str, str | bytes]) -> None:
