@@ -15,6 +15,8 @@ from skillplan.records import (
     probability_of_improvement,
     stratified_iqm,
 )
+from skillplan.views import render_markdown
+from skillplan.views.tables import tabulate_methods
 
 scores = st.lists(st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]), min_size=1, max_size=5)
 
@@ -113,6 +115,46 @@ class TestMethods:
             ).methods
         ]
         assert ["short: dqn", "long: dqn"] == names
+
+    def test_a_training_given_twice_counts_once(self):
+        (method,) = compare_methods([document("dqn", [1.0, 2.0])] * 2).methods
+        assert ("dqn", 2, 1) == (method.name, method.runs, len(method.tasks))
+
+    def test_trainings_with_other_options_are_other_methods(self):
+        """Their names show the difference; what the task determines is none."""
+
+        def trained(task: str, width: int, steps: int, derived: list[str] | None):
+            return document(
+                "dqn",
+                [1.0, 2.0],
+                task=task,
+                run_dir=f"{task}-{width}-{steps}",
+                options={"width": width, "steps": steps, "mask": "applicable"},
+                derived_options=derived,
+            )
+
+        def named(*documents) -> list[str]:
+            return [method.name for method in compare_methods(documents).methods]
+
+        derived = ["steps"]
+        assert ["dqn"] == named(trained("a", 64, 10, derived), trained("b", 64, 20, derived))
+        assert ["dqn (width=64)", "dqn (width=128)"] == named(
+            trained("a", 64, 10, derived), trained("b", 128, 20, derived)
+        )
+        assert ["dqn (steps=derived)", "dqn (steps=20)"] == named(
+            trained("a", 64, 10, derived), trained("a", 64, 20, [])
+        )
+        assert ["dqn"] == named(trained("a", 64, 10, None), trained("b", 64, 20, None))
+        assert ["dqn (steps=10)", "dqn (steps=20)"] == named(
+            trained("a", 64, 10, None), trained("a", 64, 20, None)
+        )
+
+    def test_the_table_says_which_pairs_have_no_probability(self):
+        comparison = compare_methods(
+            [document("dqn", [1.0]), document("ppo", [1.0], task="pc", run_dir="other")]
+        )
+        text = render_markdown(tabulate_methods(comparison))
+        assert "of methods whose tasks differ: dqn and ppo" in text
 
     def test_a_deterministic_planner_gets_no_interval(self):
         """Its seeds are no samples; what it is compared with gets its own interval."""

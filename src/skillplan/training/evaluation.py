@@ -133,6 +133,7 @@ class RunsEvaluation:
             outcomes=outcomes,
             optimum=optimum,
             options=manifest.options,
+            derived_options=manifest.derived_options,
             physics=setup.physics_choice(self.task).name,
             collision=setup.detector_names(self.task),
             baseline=baseline,

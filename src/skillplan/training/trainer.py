@@ -188,6 +188,7 @@ class Trainer:
             outcomes=tuple(outcomes),
             optimum=optimum,
             options=plan.options,
+            derived_options=self._folder.manifest.derived_options,
             physics=self._folder.manifest.physics,
             collision=plan.setup.detector_names(plan.task),
             checks=sum(group.checks for group in progress),

@@ -105,7 +105,12 @@ def set_steps(manifest: RunManifest, steps: int) -> RunManifest:
     options = {**manifest.options, "steps": steps}
     if SCHEDULE in options and options[SCHEDULE] is None:
         options[SCHEDULE] = manifest.steps
-    return manifest.model_copy(update={"steps": steps, "options": options})
+    derived = manifest.derived_options
+    if derived is not None:
+        derived = tuple(name for name in derived if name != "steps")
+    return manifest.model_copy(
+        update={"steps": steps, "options": options, "derived_options": derived}
+    )
 
 
 def check_extension(folder: Path, manifest: RunManifest, steps: int, *, requested: bool) -> None:
@@ -340,6 +345,7 @@ def _make_manifest(
         ),
         solver=plan.solver,
         options=dict(plan.options),
+        derived_options=tuple(name for name in plan.derived if name in plan.options),
         steps=plan.steps,
         seed=plan.seeds[0],
         seeds=plan.seeds,

@@ -5,6 +5,7 @@ Agarwal et al., "Deep reinforcement learning at the edge of the statistical prec
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -112,18 +113,20 @@ class MethodComparison:
 def compare_methods(documents: Sequence[Mapping[str, Any]]) -> MethodComparison | None:
     """Compare the runs of trainings by their scores; None if an optimum is not proved.
 
-    Trainings of one learner on different tasks are one method. If a learner has several trainings
-    on one task, each training is a method.
+    Trainings of one learner with the same options on different tasks are one method; options that
+    the task determined do not count. If a method has several trainings on one task, each training
+    is a method. A training that is given twice counts once.
 
     Parameters
     ----------
     documents
         Documents ``skillplan.training/1``, also of earlier versions.
     """
+    documents = _drop_repeated(documents)
     if any(document["optimum"] is None or not document["runs"] for document in documents):
         return None
-    names = [_name_learner(document) for document in documents]
-    tasks = [(document["task"]["sha256"], document["task"]["name"]) for document in documents]
+    names = _name_methods(documents)
+    tasks = [_identify_task(document) for document in documents]
     alone = len(set(zip(names, tasks, strict=True))) < len(names)
     groups: dict[str, list[int]] = {}
     for place, name in enumerate(names):
@@ -143,9 +146,66 @@ def compare_methods(documents: Sequence[Mapping[str, Any]]) -> MethodComparison 
     )
 
 
-def _name_learner(document: Mapping[str, Any]) -> str:
-    plans = document["options"].get("planning", False)
-    return f"{document['solver']}{MODEL_BASED if plans else ''}"
+def _identify_task(document: Mapping[str, Any]) -> tuple[str, str]:
+    return document["task"]["sha256"], document["task"]["name"]
+
+
+def _drop_repeated(documents: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return the documents without those of a folder, task and learner that came before."""
+    keys = [
+        (document["run_dir"], _identify_task(document), document["solver"])
+        for document in documents
+    ]
+    return [document for at, document in enumerate(documents) if keys[at] not in keys[:at]]
+
+
+def _name_methods(documents: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the learner of each training, with the options in which its trainings differ."""
+    learners = [
+        f"{document['solver']}{MODEL_BASED if document['options'].get('planning') else ''}"
+        for document in documents
+    ]
+    settings = [_list_set_options(document, documents) for document in documents]
+    names = []
+    for learner, own in zip(learners, settings, strict=True):
+        alike = [kept for name, kept in zip(learners, settings, strict=True) if name == learner]
+        every = dict.fromkeys(option for kept in alike for option in kept)
+        shown = [
+            f"{option}={own.get(option, 'derived')}"
+            for option in every
+            if len({kept.get(option, "derived") for kept in alike}) > 1
+        ]
+        names.append(f"{learner} ({', '.join(shown)})" if shown else learner)
+    return names
+
+
+def _list_set_options(
+    document: Mapping[str, Any], documents: Sequence[Mapping[str, Any]]
+) -> dict[str, str]:
+    """Return the options of a training as JSON, without those that the task determined.
+
+    Before version 0.4 trainings do not tell them apart. Then an option that differs between
+    trainings on different tasks only counts as determined by the task.
+    """
+    alike = [other for other in documents if other["solver"] == document["solver"]]
+    options = {
+        name: json.dumps(value, sort_keys=True).strip('"')
+        for name, value in document["options"].items()
+    }
+    if all(other.get("derived_options") is not None for other in alike):
+        derived = set(document["derived_options"])
+        return {name: value for name, value in options.items() if name not in derived}
+    pairs = [
+        (first["options"], second["options"])
+        for at, first in enumerate(alike)
+        for second in alike[at + 1 :]
+        if _identify_task(first) == _identify_task(second)
+    ]
+    return {
+        name: value
+        for name, value in options.items()
+        if any(first.get(name) != second.get(name) for first, second in pairs)
+    }
 
 
 def _read_scores(document: Mapping[str, Any]) -> tuple[float, ...]:

@@ -554,6 +554,7 @@ class TrainingResult:
     outcomes: tuple[RunOutcome, ...]
     optimum: Optimum
     options: Mapping[str, Any] = field(default_factory=dict)
+    derived_options: tuple[str, ...] | None = None
     physics: str = ""
     collision: str = ""
     baseline: RandomBaseline | None = None
@@ -715,6 +716,7 @@ class TrainingResult:
             "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
             "solver": self.solver,
             "options": dict(self.options),
+            "derived_options": None if self.derived_options is None else list(self.derived_options),
             "physics": self.physics,
             "collision": self.collision,
             "steps": self.steps,

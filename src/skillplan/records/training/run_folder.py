@@ -259,6 +259,9 @@ class RunManifest(_Part):
     task: TaskReference
     solver: Word
     options: dict[str, Any] = Field(description="all options, defaults included")
+    derived_options: tuple[Word, ...] | None = Field(
+        None, description="options that the task determined; null before version 0.4"
+    )
     steps: Amount = Field(description="environment steps per run")
     seed: Seed
     seeds: tuple[Seed, ...] = Field(min_length=1, max_length=MOST_RUNS, description="one per run")

@@ -468,9 +468,17 @@ def tabulate_methods(comparison: MethodComparison) -> Table:
         "score      optimum / cost of a run's policy, 0 if it does not complete: interquartile "
         "mean of all runs",
         "profile    > tau: share of the runs that score above tau",
-        "P(> B)     probability that a run scores above one of B, ties half",
+        "P(> B)     probability that a run scores above one of B, ties half; each pair stands once",
         "intervals  95 %, stratified bootstrap over the runs of each task; Agarwal et al. (2021)",
     ]
+    apart = [
+        f"{first.name} and {second.name}"
+        for place, first in enumerate(others)
+        for second in others[place + 1 :]
+        if (first, second) not in known
+    ]
+    if apart:
+        notes.insert(3, f"no P       of methods whose tasks differ: {_list_names(apart)}")
     return Table("methods compared by the scores of their runs", columns, rows, notes)
 
 
