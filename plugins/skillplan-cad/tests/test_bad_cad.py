@@ -318,7 +318,8 @@ def test_a_texture_that_is_missing_prints_nothing(capfd, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("1.E300", "has coordinates that are not finite: point #24 has '1.E300'"),
+        ("1.E999", "has '1.E999', which is not finite. Correct it in CAD."),
+        ("1.E300", "is 1e+297 m long, where 10,000 m are the most; post_1 reaches farthest"),
         ("1.E12", "is 1e+09 m long, where 10,000 m are the most; post_1 reaches farthest"),
     ],
 )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import PurePath
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
@@ -20,10 +20,12 @@ from skillplan.pipeline import registry
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
 from skillplan.plugins.blame import blame
 from skillplan.records.stored.result_file import read_start_plan
-from skillplan.records.training.network_policy_file import StoredNetwork
 from skillplan.solvers.solution import Plan
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
+
+if TYPE_CHECKING:
+    from skillplan.records.training.network_policy_file import StoredNetwork
 
 _Said = TypeVar("_Said")
 
