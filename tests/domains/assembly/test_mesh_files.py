@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import os
 import random
 import struct
@@ -359,6 +360,51 @@ def test_a_glb_is_in_metres(tmp_path):
     mesh = trimesh.Trimesh(corners, triangles(WEDGE_FACES), process=False)
     (tmp_path / "wedge.glb").write_bytes(mesh.export(file_type="glb"))
     assert read_mesh(tmp_path, "wedge.glb", 1.0).size == pytest.approx((0.02, 0.01, 0.01))
+
+
+def as_glb(**changes):
+    """Return a GLB of one triangle; an accessor has further keys as given."""
+    accessor = {"componentType": 5126, "count": 3, "type": "VEC3"}
+    header = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [accessor | changes.pop("accessor", {})],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36}],
+        **changes,
+    }
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    chunk = struct.pack("<I4s", len(text), b"JSON") + text
+    chunk += struct.pack("<I4s", 36, b"BIN\0") + struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunk)) + chunk
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"accessor": {"count": 2_000_000_000}}, "claim 24,000,000,000 bytes, where the file has"),
+        ({"accessor": {"count": -1}}, "claim -12 bytes"),
+        ({}, "accessor 0 has no data in the file"),
+        ({"accessor": {"bufferView": 0, "sparse": {"count": 1}}}, "sparse or normalized"),
+        ({"accessor": {"bufferView": 0, "normalized": True}}, "sparse or normalized"),
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "is compressed by Draco"),
+        ({"extensionsUsed": ["EXT_meshopt_compression"]}, "is compressed by meshopt"),
+        ({"accessor": {"bufferView": 0}, "nodes": [{"mesh": 0}] * 700_000}, "2,100,000 corners"),
+    ],
+)
+def test_a_glb_is_refused_before_it_takes_memory(changes, words, capsys):
+    with pytest.raises(MeshFileError, match=words):
+        parse_mesh(as_glb(**changes), ".glb")
+    assert capsys.readouterr().err == ""
+
+
+def test_a_plain_glb_is_read():
+    corners, faces = parse_mesh(as_glb(accessor={"bufferView": 0}), ".glb")
+    assert (len(corners), len(faces)) == (3, 1)
 
 
 @pytest.mark.parametrize(

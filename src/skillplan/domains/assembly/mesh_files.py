@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
 import math
+import struct
 import warnings
 import zipfile
 from collections.abc import Iterator
@@ -251,12 +253,16 @@ def parse_mesh(content: bytes, suffix: str) -> tuple[Floats, Indices]:
         return _parse_3mf(content)
     unread = f"It cannot be read as {suffix[1:].upper()}; save it again."
     try:
+        if suffix == ".glb":
+            _check_glb(content)
         with warnings.catch_warnings(action="ignore"):
             mesh = trimesh.load_scene(
                 io.BytesIO(content), file_type=suffix[1:], skip_materials=True, process=False
             ).to_mesh()
             corners = np.asarray(mesh.vertices, dtype=np.float64)
             faces = np.asarray(mesh.faces, dtype=np.int64)
+    except MeshFileError:
+        raise
     except Exception:
         # trimesh raises the exceptions of its parsers, with messages for programmers.
         raise MeshFileError(unread) from None
@@ -264,6 +270,68 @@ def parse_mesh(content: bytes, suffix: str) -> tuple[Floats, Indices]:
     if not is_table or (len(faces) and not 0 <= faces.min() <= faces.max() < len(corners)):
         raise MeshFileError(unread)
     return corners, faces.reshape(-1, 3)
+
+
+# Bytes of an accessor's number and numbers of its item (glTF 2.0, section 3.6.2.2).
+_GLB_NUMBER_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_GLB_ITEM = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_GLB_COMPRESSIONS = {
+    "KHR_draco_mesh_compression": "Draco",
+    "EXT_meshopt_compression": "meshopt",
+    "KHR_meshopt_compression": "meshopt",
+}
+# Accessors may share bytes: together they take up to this many times the file.
+_MOST_GLB_SHARES = 4
+# Corners of all nodes: nodes may place the same mesh.
+_MOST_GLB_CORNERS = 2_000_000
+
+
+def _check_glb(content: bytes) -> None:
+    """Refuse a GLB whose accessors exceed its bytes, or whose shape trimesh would misread."""
+    (length,) = struct.unpack_from("<I", content, 12)
+    header = json.loads(content[20 : 20 + length])
+    accessors = header.get("accessors", [])
+    meshes = header.get("meshes", [])
+    used = {
+        index
+        for mesh in meshes
+        for primitive in mesh["primitives"]
+        for index in (primitive["attributes"].get("POSITION"), primitive.get("indices"))
+        if index is not None
+    }
+    is_partial = any("bufferView" not in accessors[index] for index in used)
+    for extension, name in _GLB_COMPRESSIONS.items():
+        is_required = extension in header.get("extensionsRequired", ())
+        if is_required or (is_partial and extension in header.get("extensionsUsed", ())):
+            raise MeshFileError(f"It is compressed by {name}; save it without compression.")
+    total = 0
+    for index, accessor in enumerate(accessors):
+        count = int(accessor["count"])
+        size = _GLB_NUMBER_BYTES[accessor["componentType"]] * _GLB_ITEM[accessor["type"]]
+        total += count * size
+        if count < 0 or total > _MOST_GLB_SHARES * len(content):
+            raise MeshFileError(
+                f"Its accessors up to number {index} claim {total:,} bytes, where the file has "
+                f"{len(content):,}; save it again."
+            )
+    for index in used:
+        if "sparse" in accessors[index] or accessors[index].get("normalized"):
+            raise MeshFileError(
+                "Its corners are sparse or normalized, which is not read; save them as plain "
+                "numbers."
+            )
+        if "bufferView" not in accessors[index]:
+            raise MeshFileError(f"Its accessor {index} has no data in the file; save it again.")
+    corners = [
+        sum(int(accessors[part["attributes"]["POSITION"]]["count"]) for part in mesh["primitives"])
+        for mesh in meshes
+    ]
+    placed = sum(corners[node["mesh"]] for node in header.get("nodes", ()) if "mesh" in node)
+    if placed > _MOST_GLB_CORNERS:
+        raise MeshFileError(
+            f"Its nodes place {placed:,} corners, where {_MOST_GLB_CORNERS:,} are the most; "
+            "simplify it."
+        )
 
 
 def _parse_step(content: bytes) -> tuple[Floats, Indices]:
