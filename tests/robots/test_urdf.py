@@ -145,8 +145,25 @@ def test_shapes_are_boxes_balls_cylinders_and_meshes():
         (urdf({2: joint(2).replace('"2.0"', '"0x10"')}), "'velocity', and has '0x10'"),
         (urdf({2: joint(2).replace('"2.0"', '"infinity"')}), "'velocity', and has 'infinity'"),
         (urdf({2: joint(2).replace('"2.0"', '"1e-300"')}), "turns at 1e-300 rad/s; 1e-06 is the"),
-        (urdf({2: joint(2, limits='lower="-1e308" upper="1e308"')}), "-1e+308 as 'lower', where"),
+        (urdf({2: joint(2, limits='lower="1e308" upper="2"')}), "1e+308 as 'lower', where"),
+        (
+            urdf({2: joint(2, kind="prismatic", limits='lower="-1e16" upper="1e16"')}),
+            "-1e+16 as 'lower', where",
+        ),
         (urdf({2: joint(2).replace("0 0 0.16", "0 0 1e308")}), "1e+308 as 'xyz', where 100 is"),
+        (urdf({2: joint(2).replace("0 0 0.16", "0 0 160")}), "[m]: is it in millimetres?"),
+        (
+            urdf(more=link("table", CAPSULE)),
+            "no joint leads from 'link_0' to link 'table', so its place is unknown",
+        ),
+        (
+            urdf({2: joint(2, more='<mimic joint="other"/>')}),
+            "<mimic> of joint 'joint_2': there is no joint 'other'",
+        ),
+        (
+            urdf({n: joint(n, more=f'<mimic joint="joint_{5 - n}"/>') for n in (2, 3)}),
+            "<mimic> of joint 'joint_2': a loop: joint_2 follows joint_3 follows joint_2",
+        ),
         (urdf().replace('value="1.0"', 'value="1e308"'), "<mass> has 1e+308 as 'value'"),
         (urdf(collisions={1: CAPSULE * 401}), "407 collision shapes, where 400 are the most"),
         (urdf().replace('value="1.0"', 'value="-1"'), "has a negative mass"),
@@ -205,7 +222,7 @@ def test_a_joint_beside_the_arm_stands_still():
         "joint_1", "aside"
     ).replace("link_1", "other")
     arm = read(urdf(more=more.replace('xyz="0 0 0.0"', 'xyz="1 0 0"')))
-    assert "joints beside the chain stand still: aside" in arm.assumptions
+    assert "joints beside the chain stand still: aside at 0.5 rad" in arm.assumptions
     _, rod = arm.shapes[0]
     assert isinstance(rod, Rod)
     assert rod.start_m == pytest.approx((1.0, 0.0, 0.0))

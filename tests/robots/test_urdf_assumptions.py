@@ -50,7 +50,26 @@ def test_a_whole_file_needs_no_assumption():
         (urdf({3: joint(3, limits='lower="-150" upper="9"')}), "limits of joint_3 (-150 to 9) rad"),
         (urdf({3: joint(3).replace('"2.0"', '"170"')}), "speeds of joint_3 (170) rad/s"),
         (urdf(more=finger("left")), "joints beyond the tip, left: left out"),
-        (urdf(more=finger("wheel", parent="link_0")), "joints beside the chain stand still: wheel"),
+        (
+            urdf(more=finger("wheel", parent="link_0")),
+            "joints beside the chain stand still: wheel at 0 rad",
+        ),
+        (
+            urdf(more=finger("bar", '<mimic joint="nothing"/>', "link_0")),
+            "<mimic> of bar (there is no joint 'nothing'): passed over",
+        ),
+        (
+            urdf(
+                more=finger("left", '<mimic joint="right"/>', "link_0")
+                + finger("right", '<mimic joint="left"/>', "link_0")
+            ),
+            "<mimic> of left (a loop: left follows right follows left), right (a loop:",
+        ),
+        (urdf(more=link("frame")), "links that no joint leads to from the base, frame: left out"),
+        (
+            urdf({3: joint(3, limits='lower="-1e16" upper="1e16"')}),
+            "limits beyond 1,000,000 rad of joint_3: none, as of a continuous joint",
+        ),
         (
             urdf(more=finger("bar", '<mimic joint="joint_2"/>', "link_1")),
             "shapes that follow a joint of the chain, bar: left out",
@@ -92,6 +111,25 @@ def test_a_joint_without_range_is_locked():
     assert "no range of joint_3 (at 0.5 rad): locked" in arm.assumptions
 
 
+@pytest.mark.parametrize(
+    ("limits", "low_rad", "high_rad"),
+    [
+        ('lower="-1e16" upper="1e16"', -2 * math.pi, 2 * math.pi),
+        ('lower="-1e16" upper="1"', -2 * math.pi, 1.0),
+        ('lower="-1" upper="1e16"', -1.0, 2 * math.pi),
+    ],
+)
+def test_a_limit_that_no_joint_reaches_is_none(limits, low_rad, high_rad):
+    arm = read(urdf({3: joint(3, limits=limits)}))
+    assert (arm.low_rad[2], arm.high_rad[2]) == (low_rad, high_rad)
+
+
+def test_a_planar_joint_in_the_chain_is_not_told_as_one_beside_it():
+    arm = read(urdf({3: joint(3, kind="planar")}), home_rad=[0.1] * 5)
+    assert "joints between base and tip stand still at 0: joint_3 (planar)" in arm.assumptions
+    assert not any("beside the chain" in sentence for sentence in arm.assumptions)
+
+
 def test_limits_that_an_exporter_left_blank_are_refused_at_once():
     """All joints in one message, with the keys to fill in."""
     blank = urdf().replace(
@@ -114,7 +152,11 @@ def test_all_faults_come_in_one_message():
         read(text)
     words = str(caught.value)
     assert words.startswith("3 faults: line ")
-    for part in ("needs a number as 'velocity'", "low_rad 3.0 must be below", "has no shape"):
+    for part in (
+        "needs a number as 'velocity'",
+        "lower 3, where it must be below upper",
+        "has no shape",
+    ):
         assert part in words
 
 

@@ -240,6 +240,8 @@ def _parse_bounded(element: Element, key: str, text: str | None, most: float) ->
         raise UrdfError(words, line=element.line)
     if abs(value) > most:
         words = f"<{element.tag}> has {value:g} as {key!r}, where {most:,g} is the most"
+        if most == MOST_LENGTH_M:
+            words += " [m]: is it in millimetres?"
         raise UrdfError(words, line=element.line)
     return value
 
@@ -497,6 +499,10 @@ class Notes:
     followers: list[str] = field(default_factory=list)
     degrees: list[str] = field(default_factory=list)
     fast: list[str] = field(default_factory=list)
+    strays: list[str] = field(default_factory=list)
+    loose: list[str] = field(default_factory=list)
+    mimics: list[str] = field(default_factory=list)
+    unlimited: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
     def sentences(self) -> tuple[str, ...]:
@@ -522,6 +528,10 @@ class Notes:
             (self.torques, "no effort of {}: torques are not checked"),
             (self.locked, "no range of {}: locked"),
             (self.still, "joints beside the chain stand still: {}"),
+            (self.loose, "joints between base and tip stand still at 0: {}"),
+            (self.strays, "links that no joint leads to from the base, {}: left out"),
+            (self.mimics, "<mimic> of {}: passed over"),
+            (self.unlimited, "limits beyond 1,000,000 rad of {}: none, as of a continuous joint"),
             (
                 self.beyond,
                 "joints beyond the tip, {}: left out with everything on them, because tools are "
@@ -590,6 +600,9 @@ class UrdfTree:
         """Return the arm that ends at a link; see `read_urdf`."""
         chain = self._chain(self._tip(tip))
         notes, faults = Notes(), _Faults()
+        for element in chain:
+            faults.collect(_check_mimic, self.joints, element)
+        faults.collect(self._leave_out_strays, _get_end(chain[0], "parent"), notes)
         _refuse_blank_limits(chain)
         segments = [
             segment
@@ -703,13 +716,7 @@ class UrdfTree:
         """
         tips = []
         for link in self.links:
-            joints = 0
-            above = self.above.get(link)
-            steps = 0
-            while above is not None and steps <= len(self.joints):
-                joints += above.attributes["type"] in _MOVING
-                above = self.above.get(_get_end(above, "parent"))
-                steps += 1
+            joints = self.count_joints(link)
             if LEAST_JOINTS <= joints <= MOST_JOINTS and self._ends_chain(link):
                 tips.append((link, joints))
         # A flange is a mere frame.
@@ -723,6 +730,16 @@ class UrdfTree:
             )
         )
         return tips
+
+    def count_joints(self, link: str) -> int:
+        """Return the number of moving joints from the base to a link."""
+        joints = steps = 0
+        above = self.above.get(link)
+        while above is not None and steps <= len(self.joints):
+            joints += above.attributes["type"] in _MOVING
+            above = self.above.get(_get_end(above, "parent"))
+            steps += 1
+        return joints
 
     def _is_finger(self, link: str) -> bool:
         """Return whether several joints move side by side before a link, as fingers do."""
@@ -776,6 +793,30 @@ class UrdfTree:
                     )
                 self.above[link] = joint
         self.below.setdefault(_get_end(joint, "parent"), []).append(joint)
+
+    def _leave_out_strays(self, base: str, notes: Notes) -> None:
+        """Note the links that nothing joins to the base.
+
+        Raises
+        ------
+        UrdfError
+            If one has a shape: its place is unknown.
+        """
+        for root in self.links:
+            if root in self.above or root == base:
+                continue
+            notes.strays.append(root)
+            waiting = [root]
+            while waiting:
+                link = self.links[waiting.pop(0)]
+                name = link.attributes["name"]
+                waiting += [_get_end(joint, "child") for joint in self.below.get(name, ())]
+                if link.first("collision") or link.first("visual"):
+                    raise UrdfError(
+                        f"no joint leads from {base!r} to link {name!r}, so its place is unknown; "
+                        f"join {root!r} by a fixed joint, or take it out",
+                        line=link.line,
+                    )
 
     def _tip(self, tip: str | None) -> str:
         if tip is not None and tip in self.links:
@@ -889,14 +930,23 @@ class _Bodies:
         if is_last and self.tree.moves(joint):
             self.notes.beyond += self._list_moving(joint)
             return None
-        if joint.attributes["type"] not in _MOVING:
+        kind = joint.attributes["type"]
+        if kind not in _MOVING:
+            if kind in _LOOSE:
+                self.notes.still.append(f"{name} ({kind}) at 0")
             return Rigid()
+        if fault := _find_mimic_fault(self.tree.joints, joint):
+            self.notes.mimics.append(f"{name} ({fault})")
         leader = _find_leader(self.tree.joints, joint)
         if leader in self._chain and self._chain[leader].still is None:
             self.notes.followers.append(name)
             return None
-        self.notes.still.append(name)
-        return self.faults.collect(_rest, self.tree.joints, joint)
+        value = self.faults.collect(_compute_rest, self.tree.joints, joint)
+        if value is None:
+            return None
+        unit = "m" if kind == "prismatic" else "rad"
+        self.notes.still.append(f"{name} at {value:.4g} {unit}")
+        return self.faults.collect(_move, joint, value)
 
     def _list_moving(self, joint: Element) -> list[str]:
         moving, waiting = [], [joint]
@@ -923,22 +973,42 @@ def _find_leader(joints: Mapping[str, Element], joint: Element) -> str:
 
 def _rest(joints: Mapping[str, Element], joint: Element) -> Rigid:
     """Return the motion of a joint beside the chain: at 0, its nearest limit, or as its leader."""
-    return _move(joint, _compute_rest(joints, joint, frozenset()))
+    return _move(joint, _compute_rest(joints, joint))
 
 
-def _compute_rest(joints: Mapping[str, Element], joint: Element, seen: frozenset[str]) -> float:
-    """Return the angle [rad] or stroke [m] at which a joint beside the chain stands."""
-    name = joint.attributes["name"]
+def _find_mimic_fault(joints: Mapping[str, Element], joint: Element) -> str:
+    """Return why a joint that follows others follows none in the end; nothing if it does."""
+    names = [joint.attributes["name"]]
     mimic = joint.first("mimic")
-    leader = None if mimic is None else joints.get(mimic.attributes.get("joint", ""))
-    if mimic is not None and leader is not None and name not in seen:
+    while mimic is not None:
+        leader = mimic.attributes.get("joint", "")
+        if leader not in joints:
+            return f"there is no joint {leader!r}"
+        if leader in names:
+            return f"a loop: {' follows '.join([*names, leader])}"
+        names.append(leader)
+        mimic = joints[leader].first("mimic")
+    return ""
+
+
+def _check_mimic(joints: Mapping[str, Element], joint: Element) -> None:
+    """Raise if a joint of the chain follows none in the end."""
+    if joint.attributes["type"] in _MOVING and (fault := _find_mimic_fault(joints, joint)):
+        words = f"<mimic> of joint {joint.attributes['name']!r}: {fault}"
+        raise UrdfError(words, line=joint.line)
+
+
+def _compute_rest(joints: Mapping[str, Element], joint: Element) -> float:
+    """Return the angle [rad] or stroke [m] at which a joint beside the chain stands."""
+    mimic = joint.first("mimic")
+    if mimic is not None and not _find_mimic_fault(joints, joint):
         factor = read_number(mimic, "multiplier", 1.0)
         offset = read_number(mimic, "offset", 0.0)
-        return factor * _compute_rest(joints, leader, seen | {name}) + offset
+        return factor * _compute_rest(joints, joints[mimic.attributes["joint"]]) + offset
     limit = joint.first("limit")
     if limit is None or joint.attributes["type"] == "continuous":
         return 0.0
-    low, high = read_number(limit, "lower", 0.0), read_number(limit, "upper", 0.0)
+    low, high = _read_limits(joint, limit)
     return min(max(0.0, low), high) if low <= high else 0.0
 
 
@@ -995,19 +1065,29 @@ def _read_segment(joint: Element, notes: Notes) -> _Segment:
     if kind == "fixed":
         return _Segment(joint, Rigid())
     if kind in _LOOSE:
-        notes.still.append(name)
+        notes.loose.append(f"{name} ({kind})")
         return _Segment(joint, Rigid())
     limit = joint.first("limit")
     if kind == "continuous":
         return _Segment(joint, None)
     if limit is None:
         raise UrdfError(f"joint {name!r} has no <limit>; give one", line=joint.line)
-    low, high = read_number(limit, "lower", 0.0), read_number(limit, "upper", 0.0)
+    low, high = _read_limits(joint, limit)
     if low == high:
         unit = "m" if kind == "prismatic" else "rad"
         notes.locked.append(f"{name} (at {low:g} {unit})")
         return _Segment(joint, _move(joint, low))
     return _Segment(joint, None)
+
+
+def _read_limits(joint: Element, limit: Element) -> tuple[float, float]:
+    """Return the range of a joint [rad] or [m]; an end that no joint reaches is infinite."""
+    ends = []
+    for key, sign in (("lower", -1.0), ("upper", 1.0)):
+        beyond = sign * read_number(limit, key, 0.0, math.inf) > MOST_NUMBER
+        is_open = beyond and joint.attributes["type"] != "prismatic"
+        ends.append(sign * math.inf if is_open else read_number(limit, key, 0.0))
+    return ends[0], ends[1]
 
 
 def _build_joint(
@@ -1018,7 +1098,14 @@ def _build_joint(
     if kind == "continuous":
         low, high = -_FULL_TURN, _FULL_TURN
     else:
-        low, high = read_number(limit, "lower", 0.0), read_number(limit, "upper", 0.0)
+        low, high = _read_limits(joint, limit)
+        if not low < high:
+            words = f"joint {name!r} has lower {low:g}, where it must be below upper, {high:g}"
+            raise UrdfError(words, line=limit.line)
+    if math.isinf(low) or math.isinf(high):
+        notes.unlimited.append(name)
+        low = min(-_FULL_TURN, high - _FULL_TURN) if math.isinf(low) else low
+        high = max(_FULL_TURN, low + _FULL_TURN) if math.isinf(high) else high
     is_prismatic = kind == "prismatic"
     speed = read_number(limit, "velocity", 0.0)
     if 0 < speed < _LEAST_SPEED:

@@ -309,6 +309,16 @@ def test_check_says_why_an_arm_is_none(tmp_path, check, words, message):
     assert message in err.lower() or message in err
 
 
+def test_check_tells_how_many_joints_move_where_they_are_too_few(tmp_path, check):
+    text = urdf()
+    for number in (4, 5, 6):
+        text = text.replace(f'"joint_{number}" type="revolute"', f'"joint_{number}" type="fixed"')
+    (tmp_path / "gantry.urdf").write_text(text, "utf-8")
+    code, _, err = check(tmp_path / "gantry.urdf")
+    assert code == 2
+    assert "no chain of 4 to 8 moving joints: 3 are the most" in err
+
+
 def test_a_picture_of_a_task_is_refused(tmp_path, check):
     (tmp_path / "task.yaml").write_text("kind: assembly\n")
     code, _, err = check(tmp_path / "task.yaml", "--picture", tmp_path / "arm.png")

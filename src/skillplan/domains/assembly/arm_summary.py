@@ -222,7 +222,11 @@ def _list_tips(path: str, folder: Path, name: str, robot: Mapping[str, Any]) -> 
         raise TaskError(path, [Issue(str(error))]) from None
     tips = [tip for tip, _ in tree.list_tips()]
     if not tips and not robot.get("tip"):
-        words = "it has no chain of 4 to 8 moving joints. Give a file of an arm."
+        most = max(map(tree.count_joints, tree.links), default=0)
+        words = (
+            f"it has no chain of 4 to 8 moving joints: {most} {'is' if most == 1 else 'are'} the "
+            "most. Give a file of an arm."
+        )
         raise TaskError(path, [Issue(words)])
     return tips
 
