@@ -181,6 +181,15 @@ def test_a_surface_with_a_hole_is_refused(tmp_path):
         assert message.startswith("It is not closed")
 
 
+def test_closed_bodies_that_touch_are_not_called_open(tmp_path):
+    """As a lid on its tray: their mirrored halves share a face here."""
+    corners = [*WEDGE, *((-x, y, z) for x, y, z in WEDGE)]
+    faces = [tuple(index + len(WEDGE) for index in face[::-1]) for face in WEDGE_FACES]
+    name = wedge_in(tmp_path, corners=corners, faces=[*WEDGE_FACES, *faces])
+    message, _ = reason(tmp_path, name)
+    assert message.startswith("An edge lies between 4 faces, where closed bodies touch")
+
+
 def test_units_are_told_by_the_scale(tmp_path):
     """What would be right in millimetres is named."""
     wedge_in(tmp_path)

@@ -147,6 +147,12 @@ def _merge_corners(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
 def _orient_outward(corners: Floats, faces: Indices) -> trimesh.Trimesh:
     """Return the surface with its faces turned outward, each connected body by itself."""
     surface = trimesh.Trimesh(corners, faces, process=False)
+    _, counts = np.unique(np.sort(surface.edges, axis=1), axis=0, return_counts=True)
+    if counts.max() > 2 and not (counts % 2).any():
+        raise MeshFileError(
+            f"An edge lies between {counts.max()} faces, where closed bodies touch. Unite them, "
+            "or give each as a mesh of its own."
+        )
     if not surface.is_watertight:
         raise MeshFileError(
             "It is not closed: an edge does not lie between two faces. Close its holes, and leave "
