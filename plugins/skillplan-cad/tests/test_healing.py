@@ -202,6 +202,13 @@ def test_a_missing_file_is_told_by_name(tmp_path):
         read_product(write_references(tmp_path, "lid"), ReadOptions())
 
 
+def test_a_file_in_a_folder_below_is_left_out_and_not_called_outside(tmp_path):
+    path = write_references(tmp_path)
+    path.write_text(path.read_text().replace("'part_lid.stp'", "'below/part_lid.stp'"))
+    with pytest.raises(OptionError, match="which is not directly in its folder"):
+        read_product(path, ReadOptions())
+
+
 @pytest.mark.parametrize("name", ["../part_lid.stp", "/tmp/part_lid.stp", r"..\\part_lid.stp"])
 def test_no_file_outside_of_the_folder_is_read(tmp_path, name):
     """Though it is there."""
@@ -209,7 +216,7 @@ def test_no_file_outside_of_the_folder_is_read(tmp_path, name):
     path = write_references(tmp_path / "product")
     (tmp_path / "product" / "part_lid.stp").rename(tmp_path / "part_lid.stp")
     path.write_text(path.read_text().replace("'part_lid.stp'", f"'{name}'"))
-    with pytest.raises(OptionError, match="which is not in its folder"):
+    with pytest.raises(OptionError, match="which lies outside its folder"):
         read_product(path, ReadOptions())
 
 

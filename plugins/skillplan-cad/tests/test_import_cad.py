@@ -132,6 +132,14 @@ def test_what_is_wrong_is_said_and_nothing_is_written(tmp_path, capsys, words, m
     assert not (tmp_path / "product").exists()
 
 
+def test_a_mesh_of_a_task_is_refused_with_the_place_where_it_is_read(tmp_path, capsys):
+    for name in ("cube.glb", "cube.3MF"):
+        (tmp_path / name).write_bytes(b"glTF")
+        assert run(["import-cad", str(tmp_path / name), "--out", str(tmp_path / "product")]) == 2
+        message = " ".join(capsys.readouterr().err.split())
+        assert f"a task reads as a part (meshes: [{{file: {name}}}])" in message
+
+
 def test_a_folder_with_anything_in_it_is_left_alone(made, capsys):
     """Name a new one."""
     assert run(["import-cad", SOURCE, "--out", str(made)]) == 2
@@ -152,7 +160,7 @@ def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     run(["import-cad", str(file("floating")), "--out", str(tmp_path / "other")])
     message = capsys.readouterr().err
     assert "balloon: touches no other part" in message
-    assert "balloon is left out: it has nothing beneath it" in message
+    assert "balloon is left out of the task: it has nothing beneath it" in message
     document = json.loads((tmp_path / "other" / "report.json").read_text("utf-8"))
     assert list(document["left_out"]) == ["balloon"]
     assert document["attitude"]["stands"] == [

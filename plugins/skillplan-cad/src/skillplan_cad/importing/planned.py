@@ -299,7 +299,8 @@ def plan_product(
             {**bearing.why_not, **sheets} if task is None else task.left_out
         )
         warnings += [
-            f"{name} is left out: it {words}." for name, words in document["left_out"].items()
+            f"{name} is left out of the task: it {words}."
+            for name, words in document["left_out"].items()
         ]
         if task is None:
             warnings.append("No part is left that one arm could place: no product.yaml is written.")

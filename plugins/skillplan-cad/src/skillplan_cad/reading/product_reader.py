@@ -40,6 +40,8 @@ from skillplan_cad.reading.surface_fit import fit_faces, recognise_face
 # Largest number of corner pairs to try.
 _TRIED = 400
 _SAMPLES = 400
+# Meshes that a task reads as parts, and that no product consists of.
+_TASK_MESHES = (".glb", ".3mf")
 
 
 def find_shapes(
@@ -572,6 +574,12 @@ def _read_raw(path: Path, options: ReadOptions, report: Report | None) -> RawPro
     if path.suffix.lower() in MESHES:
         raise OptionError(
             f"{path}: is one mesh. Give the folder of all parts, one file a part, and --unit."
+        )
+    if path.suffix.lower() in _TASK_MESHES:
+        raise OptionError(
+            f"{path}: is a mesh that a task reads as a part (meshes: [{{file: {path.name}}}]), and "
+            f"no product. Give STEP ({', '.join(STEP)}), or a folder of meshes "
+            f"({', '.join(MESHES)}), one file a part, and --unit."
         )
     raise OptionError(
         f"{path}: is neither STEP ({', '.join(STEP)}) nor a folder of meshes ({', '.join(MESHES)})."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import time
 import zlib
@@ -321,7 +322,10 @@ def _read_reference(path: Path, name: str, most_bytes: int) -> tuple[bytes | Non
     folder = path.resolve().parent
     beside = folder / name
     if Path(name).name != name or "\\" in name or name in (".", "..", path.name):
-        return None, f"refers to {name!r}, which is not in its folder and is left out"
+        place = Path(os.path.normpath(folder / name.replace("\\", "/")))
+        if place.is_relative_to(folder):
+            return None, f"refers to {name!r}, which is not directly in its folder and is left out"
+        return None, f"refers to {name!r}, which lies outside its folder and is left out"
     try:
         content = read_bytes(resolve_within(beside, folder), most_bytes, within=folder)
     except RefusedFile as refused:
