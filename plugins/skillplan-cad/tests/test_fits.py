@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +22,19 @@ from skillplan_cad import (
     read_product,
     relieve_fits,
 )
+from skillplan_cad.reading import step_file
+
+sys.path.insert(0, str(Path(__file__).parent / "step_writer"))
+from solids import Product, box, cut, write_step
 
 TOLERANCE_M = 1e-4
+
+
+def ring(outer_mm, inner_mm):
+    """Return a cuboid with a rectangular hole through it, both around the origin."""
+    outer, inner = np.array(outer_mm) / 2, np.array(inner_mm) / 2
+    inner[2] = outer[2] + 1
+    return cut(box(*-outer, *outer), box(*-inner, *inner))
 
 
 def write(folder, pin_mm=10.1, **more):
@@ -80,6 +93,102 @@ def test_a_seal_may_be_squeezed_by_a_third_of_its_section(tmp_path):
     fit = contact(write(tmp_path, pin_mm=9.9, **{"o-ring": seal}), "hub", "o-ring").fit
     assert fit.kind == "seal"
     assert fit.allowed_m == pytest.approx(0.3 * 2.4e-3, rel=1e-3)
+
+
+def overlap(folder, first, second):
+    """Return the contact of two meshes, in millimetres."""
+    for name, mesh in (("first", first), ("second", second)):
+        mesh.export(folder / f"{name}.stl")
+    return contact(folder, "first", "second")
+
+
+@pytest.fixture
+def read_contact(monkeypatch):
+    """Return a function that reads the only contact of a STEP file, in this process."""
+    monkeypatch.setattr(
+        step_file,
+        "read_in_process",
+        lambda path, prepare, content, limits, report: prepare(content)(None),
+    )
+
+    def read(path):
+        product = read_product(path, ReadOptions())
+        (result,) = find_joints(product, TOLERANCE_M, "axes", "unscrew", FitOptions()).contacts
+        return result
+
+    return read
+
+
+def block(size_mm, middle_mm=(0, 0, 0)):
+    """Return a cuboid."""
+    mesh = trimesh.creation.box(size_mm)
+    mesh.apply_translation(middle_mm)
+    return mesh
+
+
+def test_a_thin_fin_in_a_block_without_slot_is_as_deep_as_its_end(tmp_path):
+    """0.2 mm thick and 20 mm deep, at a cube of 60 mm that ISO 286 allows 0.25 mm."""
+    fin = block((0.2, 60, 30), (0, 0, 45)) + block((60, 60, 60), (0, 0, 90))
+    result = overlap(tmp_path, block((100, 100, 100)), trimesh.boolean.union(fin.split()))
+    assert result.interferes
+    assert result.overlap_depth_m == pytest.approx(0.02, rel=1e-3)
+
+
+def test_a_pin_without_a_hole_is_as_deep_as_its_end(tmp_path):
+    pin = trimesh.creation.cylinder(radius=0.3, height=30, sections=32)
+    pin.apply_translation((0, 0, 53))
+    result = overlap(tmp_path, block((100, 100, 100)), pin)
+    assert result.interferes
+    assert result.overlap_depth_m == pytest.approx(0.012, rel=1e-3)
+
+
+@pytest.mark.parametrize("corner", [False, True])
+def test_an_overlap_of_edges_or_corners_is_as_deep_as_the_parts_have_to_move(tmp_path, corner):
+    """0.48 mm; the feature has a section of 0.48 mm, whose allowance is 0.033 mm."""
+    across = 39.52 if corner else 0
+    result = overlap(tmp_path, block((40, 40, 40)), block((40, 40, 40), (39.52, across, 39.52)))
+    assert result.interferes
+    assert result.overlap_depth_m == pytest.approx(0.48e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize("height_mm", [10, 60], ids=["inside", "through"])
+def test_a_plate_within_a_block_is_no_fit(tmp_path, height_mm):
+    """No surface of the block is near that of the plate."""
+    result = overlap(tmp_path, block((40, 40, 40)), block((0.1, 20, height_mm)))
+    assert result.interferes
+    assert result.overlap_depth_m >= 0.019
+
+
+def test_a_square_peg_in_a_square_hole_is_a_fit_with_its_depth_on_each_side(tmp_path, read_contact):
+    """0.08 mm a side, as thin as what chords of curved faces explain."""
+    hub = Product("p").add("hub", ring((40, 40, 20), (20, 20, 20)))
+    path = tmp_path / "p.step"
+    write_step(hub.add("peg", box(-10.08, -10.08, -10, 10.08, 10.08, 20)), path)
+    result = read_contact(path)
+    assert result.fit.kind == "overlap"
+    assert result.fit.depth_m == pytest.approx(8e-5, rel=1e-3)
+
+
+def test_an_overlap_has_its_own_centre_and_depth_beside_faces_that_coincide(tmp_path, read_contact):
+    """A block that fills a tray, whose wall it enters by 4.5 mm."""
+    tray = ring((40, 50, 10), (30, 40, 10))
+    path = tmp_path / "p.step"
+    write_step(Product("p").add("tray", tray).add("block", box(-15, -10, -5, 15, 24.5, 5)), path)
+    result = read_contact(path)
+    assert result.interferes
+    assert result.overlap_depth_m == pytest.approx(4.5e-3, rel=1e-3)
+    assert result.overlap_point_m == pytest.approx((0, 0.02225, 0), abs=1e-5)
+
+
+def test_a_press_fit_does_not_hide_that_the_shoulder_is_sunk(tmp_path):
+    shoulder = trimesh.creation.cylinder(radius=10, height=10, sections=128)
+    shoulder.apply_translation((0, 0, 14))
+    pin = trimesh.creation.cylinder(radius=5.05, height=30, sections=128)
+    write(tmp_path)
+    trimesh.boolean.union([pin, shoulder]).export(tmp_path / "pin.stl")
+    result = contact(tmp_path)
+    assert result.interferes
+    assert result.overlap_depth_m == pytest.approx(1e-3, rel=0.01)
 
 
 @given(st.floats(1e-4, 1.0), st.floats(1e-4, 1.0))

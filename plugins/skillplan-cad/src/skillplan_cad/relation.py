@@ -63,7 +63,11 @@ class Contact:
     overlap_allowed_m3
         Share of that volume explained by the chords of curved faces; more is interference.
     overlap_point_m
-        A point of the overlap; None without one.
+        Centre of the overlap's largest piece; None without one.
+    overlap_depth_m
+        Distance between the parts' surfaces across the overlap; 0 if chords explain it.
+    overlap_section_m
+        Second smallest side of the overlap's box; 0 if chords explain it.
     fit
         The fit that the overlap is; None for interference or without one.
     """
@@ -81,6 +85,8 @@ class Contact:
     overlap_allowed_m3: float = 0.0
     overlap_point_m: Vector | None = None
     overlap_surface_m2: float = 0.0
+    overlap_depth_m: float = 0.0
+    overlap_section_m: float = 0.0
     fit: Fit | None = None
 
     @property
@@ -89,11 +95,6 @@ class Contact:
         if self.kind == "thread" or self.fit is not None:
             return False
         return self.overlap_m3 > self.overlap_allowed_m3
-
-    @property
-    def depth_m(self) -> float:
-        """Mean depth of the overlap [m]."""
-        return 2 * self.overlap_m3 / self.overlap_surface_m2 if self.overlap_surface_m2 else 0.0
 
 
 PartKind = Literal["part", "screw", "nut", "washer", "pin"]

@@ -152,6 +152,8 @@ def _build_contact_document(contact: Contact) -> dict[str, Any]:
         "overlap_surface_mm2": _round(contact.overlap_surface_m2 * 1e6, 4),
         "overlap_allowed_mm3": _round(contact.overlap_allowed_m3 * 1e9, 4),
         "overlap_point_mm": None if point is None else _mm3(point),
+        "overlap_depth_mm": _mm(contact.overlap_depth_m),
+        "overlap_section_mm": _mm(contact.overlap_section_m),
         "interference": contact.interferes,
         "fit": None
         if contact.fit is None
@@ -181,7 +183,9 @@ def _parse_contact(fields: Mapping[str, Any]) -> Contact:
         overlap_surface_m2=fields["overlap_surface_mm2"] / 1e6,
         overlap_allowed_m3=fields["overlap_allowed_mm3"] / 1e9,
         overlap_point_m=None if point is None else _convert_to_metres(point),
-        # Files of 0.3.0 have no fits.
+        # Files of 0.3.0 have no depths and no fits.
+        overlap_depth_m=fields.get("overlap_depth_mm", 0.0) / 1000,
+        overlap_section_m=fields.get("overlap_section_mm", 0.0) / 1000,
         fit=_parse_fit(fields.get("fit")),
     )
 

@@ -70,7 +70,7 @@ def build_report(
                 "parts": list(interference.parts),
                 "overlap_mm3": round(interference.overlap_m3 * 1e9, 3),
                 "allowed_mm3": round(interference.overlap_allowed_m3 * 1e9, 3),
-                "depth_mm": _mm(interference.depth_m),
+                "depth_mm": _mm(interference.overlap_depth_m),
                 "point_mm": _mm3(interference.overlap_point_m or (0.0, 0.0, 0.0)),
             }
             for interference in list_interferences(relation)
@@ -129,8 +129,8 @@ def list_warnings(findings: Findings) -> list[str]:
         messages.append(
             f"{' and '.join(interference.parts)} overlap by "
             f"{interference.overlap_m3 * 1e9:.4g} mm3 round [{at}] mm, "
-            f"{interference.depth_m * 1e3:.2g} mm deep, {why}. Correct it in CAD, or declare "
-            f"a fit: --press-fit {shlex.quote(','.join(interference.parts))}."
+            f"{interference.overlap_depth_m * 1e3:.2g} mm deep, {why}. Correct it in CAD, or "
+            f"declare a fit: --press-fit {shlex.quote(','.join(interference.parts))}."
         )
     loose = list_untouched(relation)
     if loose:

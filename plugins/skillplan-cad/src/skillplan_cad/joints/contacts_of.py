@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,45 +16,194 @@ from skillplan_cad.joints.cylinder_fits import CylinderFit
 from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.relation import Contact, ContactKind
 
-# Smallest overlap that is not a rounding error [mm3].
-_NOISE_MM3 = 1e-3
+# Smallest overlap that is not a rounding error [mm3]; rounding error of a flat face [mm].
+_NOISE_MM3, _FLAT_NOISE_MM = 1e-3, 1e-3
+# Points inside an overlap at which its depth is measured, the share of them that decides, and the
+# directions of each: of the nearest surface, and of the largest faces.
+_INSIDE, _DEEPEST, _NEAREST, _LARGEST = 300, 0.95, 12, 8
+# Surface points that give directions; pieces measured; distance of a ray's start from a face [mm].
+_AROUND, _PIECES, _START_MM = 2000, 8, 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Overlap:
+    """The volume that two parts share.
+
+    Parameters
+    ----------
+    allowed_mm3
+        Share of the volume explained by the chords of curved faces and by rounding.
+    depth_mm
+        Distance between the parts' surfaces across the overlap; its longest side if both surfaces
+        belong to one part, as for a part inside another. 0 if the volume is explained.
+    section_mm
+        Second smallest side of the overlap's box.
+    """
+
+    volume_mm3: float
+    surface_mm2: float
+    allowed_mm3: float
+    middle_mm: Floats
+    depth_mm: float
+    section_mm: float
 
 
 class Overlaps:
     """Intersections of a product's parts."""
 
-    def __init__(self, product: Product) -> None:
-        self._product = product
-        self._solids: dict[int, Any] = {}
+    def __init__(self, product: Product, meshes: Sequence[RayMesh], middle_m: Floats) -> None:
+        self._product, self._meshes, self._middle_m = product, meshes, middle_m
+        self._solids: dict[int, tuple[Any, int]] = {}
+        self._flat = [_mask_flat(part) for part in product.parts]
 
-    def intersect(self, first: int, second: int) -> tuple[float, float, Floats] | None:
-        """Return volume [mm3], surface [mm2] and centre [mm] of the parts' overlap, or None."""
-        solid, other = self._build_solid(first), self._build_solid(second)
+    def intersect(self, first: int, second: int) -> Overlap | None:
+        """Return the overlap of two parts, or None."""
+        (solid, mark), (other, _) = self._build_solid(first), self._build_solid(second)
         if solid is None or other is None:
             return None
         shared = solid ^ other
         volume = float(shared.volume())
         if volume < _NOISE_MM3:
             return None
-        box = np.asarray(shared.bounding_box(), dtype=np.float64)
-        return volume, float(shared.surface_area()), (box[:3] + box[3:]) / 2
+        pieces = shared.decompose()
+        if any(piece.volume() < -_NOISE_MM3 for piece in pieces):
+            # The overlap has a cavity.
+            pieces = [shared]
+        pieces.sort(key=lambda piece: -piece.volume())
+        flat = (self._flat[first], self._flat[second])
+        surfaces = [_OverlapSurface(piece, mark, flat) for piece in pieces[:_PIECES]]
+        middle = surfaces[0].find_middle_mm()
+        allowed = _OverlapSurface(shared, mark, flat).compute_allowed_mm3(self._product.chord_m)
+        depth, section = 0.0, 0.0
+        if volume > allowed:
+            deep = [
+                surface
+                for surface, piece in zip(surfaces, pieces, strict=False)
+                if piece.volume() > surface.compute_allowed_mm3(self._product.chord_m)
+            ]
+            meshes = (self._meshes[first], self._meshes[second])
+            part = self._product.parts[first]
+            depth, section = max(
+                surface.measure(part, meshes, self._middle_m) for surface in deep or surfaces[:1]
+            )
+        return Overlap(volume, float(shared.surface_area()), allowed, middle, depth, section)
 
-    def _build_solid(self, number: int) -> Any:
+    def _build_solid(self, number: int) -> tuple[Any, int]:
         if number not in self._solids:
             self._solids[number] = _build_solid(self._product.parts[number])
         return self._solids[number]
 
 
-def _build_solid(part: Part) -> Any:
-    """Return a part as a manifold3d solid, or None if it is not a solid."""
+def _build_solid(part: Part) -> tuple[Any, int]:
+    """Return a part as a manifold3d solid, None if it is not a solid, and the solid's mark."""
     import manifold3d
 
+    mark = manifold3d.Manifold.reserve_ids(1)
     mesh = manifold3d.Mesh64(
         vert_properties=np.ascontiguousarray(part.vertices_m * 1000),
         tri_verts=np.ascontiguousarray(part.triangles, dtype=np.uint64),
+        run_index=np.array([0, 3 * len(part.triangles)], dtype=np.uint64),
+        run_original_id=np.array([mark], dtype=np.uint32),
+        face_id=np.arange(len(part.triangles), dtype=np.uint64),
     )
     manifold = manifold3d.Manifold(mesh)
-    return None if manifold.is_empty() else manifold
+    return (None if manifold.is_empty() else manifold), mark
+
+
+class _OverlapSurface:
+    """The surface of an overlap, and the part that each triangle comes from.
+
+    Parameters
+    ----------
+    mark
+        Mark of the first part.
+    flat
+        Mask of the flat triangles of each part.
+    """
+
+    def __init__(
+        self, solid: Any, mark: int, flat: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    ) -> None:
+        mesh = solid.to_mesh64()
+        self._vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+        self._triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
+        starts = np.asarray(mesh.run_index, dtype=np.int64) // 3
+        counts = starts[1:] - starts[:-1]
+        self._is_first = np.repeat(np.asarray(mesh.run_original_id) == mark, counts)
+        faces = np.asarray(mesh.face_id, dtype=np.int64)
+        self._is_flat = np.zeros(len(faces), dtype=np.bool_)
+        for mask, own in zip(flat, (self._is_first, ~self._is_first), strict=True):
+            self._is_flat[own] = mask[faces[own]]
+
+    def find_middle_mm(self) -> Floats:
+        """Return the centre of the volume."""
+        corners = self._vertices[self._triangles]
+        volumes = np.linalg.det(corners - self._vertices[0]) / 6
+        centres = (corners.sum(axis=1) + self._vertices[0]) / 4
+        return np.asarray((volumes[:, None] * centres).sum(axis=0) / volumes.sum())
+
+    def compute_allowed_mm3(self, chord_m: float) -> float:
+        """Return the volume explained by chords of curved faces, on both sides, and rounding."""
+        corners = self._vertices[self._triangles]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.linalg.norm(across, axis=1) / 2
+        curved = float(areas[~self._is_flat].sum()) * chord_m * 1000
+        return curved + float(areas[self._is_flat].sum()) / 2 * _FLAT_NOISE_MM
+
+    def measure(
+        self, like: Part, meshes: tuple[RayMesh, RayMesh], middle_m: Floats
+    ) -> tuple[float, float]:
+        """Return depth and section [mm]; rays are traced in both parts."""
+        part = replace(like, vertices_m=self._vertices / 1000, triangles=self._triangles, faces=())
+        samples = _samples(part, RayMesh(part, middle_m))
+        start = max(_START_MM, 1e-6 * max(mesh.reach_mm for mesh in meshes))
+        origins = samples.points_mm - start * samples.normals
+        length = _trace_exits(meshes, origins, -samples.normals).min(axis=0)
+        # Coincident faces leave sheets without thickness, whose rays start outside of a part.
+        thick = np.isfinite(length)
+        points, normals, length = origins[thick], samples.normals[thick], length[thick]
+        if not len(points):
+            return 0.0, 0.0
+        ends = np.concatenate([samples.points_mm[thick], points - length[:, None] * normals])
+        sides = np.sort(np.ptp(ends, axis=0))
+        volumes = np.cumsum(samples.areas_mm2[thick] * length)
+        order = np.arange(_INSIDE)
+        chosen = np.searchsorted(volumes, (order + 0.5) / _INSIDE * volumes[-1])
+        share = (order * 0.7548776662466927 + 0.5) % 1
+        inside = points[chosen] - (share * length[chosen])[:, None] * normals[chosen]
+        around = np.linspace(0, len(points) - 1, min(_AROUND, len(points))).astype(np.int64)
+        distances = np.linalg.norm(inside[:, None] - points[None, around], axis=2)
+        near = around[np.argsort(distances, axis=1)[:, :_NEAREST]]
+        largest = _merge_directions(normals, samples.areas_mm2[thick])[:_LARGEST]
+        directions = np.concatenate(
+            [normals[near], np.broadcast_to(largest, (_INSIDE, *largest.shape))], axis=1
+        ).reshape(-1, 3)
+        origins = np.repeat(inside, near.shape[1] + len(largest), axis=0)
+        ahead = _trace_exits(meshes, origins, directions)
+        behind = _trace_exits(meshes, origins, -directions)
+        # Coincident faces count as faces of both parts.
+        ends_ahead, ends_behind = (
+            exits <= exits.min(axis=0) + 2 * start for exits in (ahead, behind)
+        )
+        is_between = (ends_ahead & ends_behind[::-1]).any(axis=0)
+        across = np.where(is_between, ahead.min(axis=0) + behind.min(axis=0), np.inf)
+        nearest = np.sort(across.reshape(_INSIDE, -1).min(axis=1))
+        return min(float(nearest[int(_DEEPEST * _INSIDE)]), float(sides[2])), float(sides[1])
+
+
+def _trace_exits(
+    meshes: tuple[RayMesh, RayMesh], origins: Floats, directions: Floats
+) -> NDArray[np.float64]:
+    """Return the distance at which rays leave each part [mm], (2, n).
+
+    Rays that do not start in both parts have infinite distances.
+    """
+    exits = np.empty((2, len(origins)))
+    for row, mesh in zip(exits, meshes, strict=True):
+        hit, row[:] = mesh.trace(origins, directions)
+        row[np.einsum("ij,ij->i", mesh.normals[hit], directions) <= 0] = np.inf
+    exits[:, ~np.isfinite(exits).all(axis=0)] = np.inf
+    return exits
 
 
 # Sample points per part; largest cosine between the normals of touching surfaces.
@@ -215,7 +364,7 @@ def find_contacts(
         Largest distance between touching surfaces [m].
     """
     touching = TouchTest(product, test.meshes, test.middle_m, max(tolerance_m, 2 * product.chord_m))
-    overlaps = Overlaps(product)
+    overlaps = Overlaps(product, test.meshes, test.middle_m)
     by_pair: dict[tuple[int, int], list[CylinderFit]] = defaultdict(list)
     for fit in fits:
         by_pair[min(fit.inner, fit.outer), max(fit.inner, fit.outer)].append(fit)
@@ -240,7 +389,7 @@ def _build_contact(
     product: Product,
     pair: tuple[int, int],
     touch: Touch | None,
-    shared: tuple[float, float, Floats] | None,
+    shared: Overlap | None,
     fits: Sequence[CylinderFit],
     middle_m: Floats,
 ) -> Contact:
@@ -252,7 +401,6 @@ def _build_contact(
         kind = "cylinder"
     elif touch is not None and touch.flat_share >= _FLAT_SHARE:
         kind = "plane"
-    volume, surface, place = shared if shared is not None else (0.0, 0.0, None)
     return Contact(
         parts=(product.parts[pair[0]].name, product.parts[pair[1]].name),
         kind=kind,
@@ -265,11 +413,12 @@ def _build_contact(
         points_m=()
         if touch is None
         else tuple(_vector(point) for point in touch.points_mm / 1000 + middle_m),
-        overlap_m3=volume / 1e9,
-        overlap_surface_m2=surface / 1e6,
-        # Both sides of the overlap may each be off by a chord.
-        overlap_allowed_m3=surface / 2 / 1e6 * 2 * product.chord_m,
-        overlap_point_m=None if place is None else _vector(place / 1000),
+        overlap_m3=shared.volume_mm3 / 1e9 if shared is not None else 0.0,
+        overlap_surface_m2=shared.surface_mm2 / 1e6 if shared is not None else 0.0,
+        overlap_allowed_m3=shared.allowed_mm3 / 1e9 if shared is not None else 0.0,
+        overlap_point_m=_vector(shared.middle_mm / 1000) if shared is not None else None,
+        overlap_depth_m=shared.depth_mm / 1000 if shared is not None else 0.0,
+        overlap_section_m=shared.section_mm / 1000 if shared is not None else 0.0,
     )
 
 

@@ -55,6 +55,8 @@ _SQUEEZE = 0.3
 _SEAL = re.compile(
     r"(?<![a-z])(o[ _-]?rings?|seals?|gaskets?|dichtung(en|sring)?|simmerring|packing)(?![a-z])"
 )
+# Overlap that a press fit explains, as a share of its own volume.
+_EXPLAINED = 1.25
 # Smallest depth that is no rounding error, in metres and in radii.
 _NOISE_M, _NOISE = 1e-6, 1e-4
 
@@ -114,8 +116,13 @@ def _find_fit(
         depth_m, diameter_m = _measure_depth_m(deepest), 2 * deepest.hole.radius_m
         volume_m3 = sum(_measure_volume_m3(fit) for fit in tight)
         kind = "press fit"
-    elif contact.overlap_surface_m2 > 0 and contact.overlap_m3 > contact.overlap_allowed_m3:
-        depth_m = 2 * contact.overlap_m3 / contact.overlap_surface_m2
+        explained_m3 = _EXPLAINED * volume_m3 + contact.overlap_allowed_m3
+        if contact.overlap_m3 > explained_m3 and contact.kind != "thread":
+            # The parts overlap elsewhere, too.
+            depth_m = max(depth_m, contact.overlap_depth_m)
+    elif contact.overlap_m3 > contact.overlap_allowed_m3:
+        depth_m = contact.overlap_depth_m
+        diameter_m = min(section_m, contact.overlap_section_m)
     if depth_m <= 0:
         return None
     allowed_m = options.allowance_m
