@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 
 from skillplan.cli import main
 from skillplan.domains.assembly import ArmFileError, read_arm
-from urdf_text import urdf
+from urdf_text import joint, urdf
 
 BOX = trimesh.creation.box((0.1, 0.06, 0.06))
 MESH = '<collision><geometry><mesh filename="{0}"/></geometry></collision>'
@@ -353,3 +353,15 @@ def test_corners_of_a_thin_ball_stay_few(tmp_path):
     assert len(corners) <= 1_000
     directions = np.array(list(product((-1, 1), repeat=3))) / np.sqrt(3)
     assert (corners @ directions.T).max(axis=0) == pytest.approx(0.1, abs=3e-4)
+
+
+def test_check_counts_no_follower_as_a_freedom_and_moves_it_with_its_leader(tmp_path, check):
+    """At zero joint_3 stands at its offset, 0.2 rad."""
+    text = urdf({3: joint(3, more='<mimic joint="joint_2" multiplier="-0.5" offset="0.2"/>')})
+    (tmp_path / "arm.urdf").write_text(text, "utf-8")
+    arm = json.loads(check(tmp_path / "arm.urdf", "--format", "json")[1])
+    (tmp_path / "still.urdf").write_text(urdf(), "utf-8")
+    still = json.loads(check(tmp_path / "still.urdf", "--format", "json")[1])
+    assert arm["freedom"].startswith("5, 1 missing")
+    assert still["freedom"] == "6"
+    assert arm["tip_at_zero_m"] != still["tip_at_zero_m"]

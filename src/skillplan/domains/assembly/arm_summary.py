@@ -78,7 +78,7 @@ class ArmSummary:
     @property
     def tip_at_zero_m(self) -> list[float]:
         """Position of the tip with all joints at 0, in the frame of the root [m]."""
-        place = self._place(np.zeros((1, len(self.arm.joints))))[:3, 3]
+        place = self._place(np.array([self.arm.follow([0.0] * len(self.arm.joints))]))[:3, 3]
         return [round(float(value), 9) for value in place]
 
     @property
@@ -107,7 +107,7 @@ class ArmSummary:
     @property
     def freedom(self) -> str:
         """Degrees of freedom in words."""
-        count = len(self.arm.joints)
+        count = self.arm.freedoms
         if count > 6:
             return f"{count}, {count - 6} redundant: the arm moves while the hand stands still"
         if count < 6:
