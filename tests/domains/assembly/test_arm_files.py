@@ -359,9 +359,10 @@ def test_check_counts_no_follower_as_a_freedom_and_moves_it_with_its_leader(tmp_
     """At zero joint_3 stands at its offset, 0.2 rad."""
     text = urdf({3: joint(3, more='<mimic joint="joint_2" multiplier="-0.5" offset="0.2"/>')})
     (tmp_path / "arm.urdf").write_text(text, "utf-8")
-    arm = json.loads(check(tmp_path / "arm.urdf", "--format", "json")[1])
-    (tmp_path / "still.urdf").write_text(urdf(), "utf-8")
-    still = json.loads(check(tmp_path / "still.urdf", "--format", "json")[1])
-    assert arm["freedom"].startswith("5, 1 missing")
-    assert still["freedom"] == "6"
-    assert arm["tip_at_zero_m"] != still["tip_at_zero_m"]
+    (tmp_path / "free.urdf").write_text(urdf(), "utf-8")
+    assert "5, 1 missing" in check(tmp_path / "arm.urdf")[1]
+    tips_m = [
+        json.loads(check(tmp_path / file, "--format", "json")[1])["tip_at_zero_m"]
+        for file in ("arm.urdf", "free.urdf")
+    ]
+    assert tips_m[0] != tips_m[1]
