@@ -111,6 +111,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
         ["records.training.run_folder:MOST_RUNS", "records.training.run_folder:MOST_PATH"],
     ),
     ("plans of a chain that `verify` makes anew", "{}", ["pipeline.certification:MOST_REPLANS"]),
+    ("agent in a file (`benchmark FILE.py:NAME`)", "{bytes}", ["benchmark.agents:_MOST_BYTES"]),
     ("policy in JSON", "{bytes}", ["records.stored.policy_file:_MOST_BYTES"]),
     (
         "policy of a network (safetensors)",
