@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import manifold3d
 
 Points = NDArray[np.float64]  # (n, 3)
 Triangles = NDArray[np.int64]  # (m, 3) indices of points
@@ -160,3 +163,15 @@ class Product:
         return tuple(
             other.name for other in self.parts if other.shape == part.shape and other is not part
         )
+
+
+def make_solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
+    """Return a closed mesh as a solid in millimetres; empty if the mesh is not closed."""
+    import manifold3d
+
+    return manifold3d.Manifold(
+        manifold3d.Mesh64(
+            vert_properties=np.ascontiguousarray(vertices_m * 1e3),
+            tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
+        )
+    )

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
-from skillplan_cad.product import Face, Part, Points, Product
+from skillplan_cad.product import Face, Part, Points, Product, make_solid
 from skillplan_cad.reading.surface_fit import fit_faces
 from skillplan_cad.relation import Contact, Fit, FitKind
 
@@ -215,17 +215,7 @@ def _is_on_axis(points: Points, origin: Points, axis: Points) -> bool:
 
 def _cut_away(part: Part, other: Part) -> Part:
     """Return a part without its overlap with another; as drawn if nothing whole would be left."""
-    import manifold3d
-
-    solids = [
-        manifold3d.Manifold(
-            manifold3d.Mesh64(
-                vert_properties=np.ascontiguousarray(item.vertices_m * 1000),
-                tri_verts=np.ascontiguousarray(item.triangles, dtype=np.uint64),
-            )
-        )
-        for item in (part, other)
-    ]
+    solids = [make_solid(item.vertices_m, item.triangles) for item in (part, other)]
     rest = solids[0] - solids[1]
     if rest.is_empty() or rest.volume() < 0.5 * solids[0].volume():
         return part

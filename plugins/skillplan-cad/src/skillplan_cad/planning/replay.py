@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.motion_space import rotate_about
-from skillplan_cad.product import Part, Product, Vector
+from skillplan_cad.product import Part, Product, Vector, make_solid
 from skillplan_cad.relation import Relation
 
 Array = NDArray[np.float64]
@@ -114,11 +114,7 @@ def replay(
 
 
 def _build_solid(part: Part) -> manifold3d.Manifold | None:
-    mesh = manifold3d.Mesh64(
-        vert_properties=np.ascontiguousarray(part.vertices_m * 1e3),
-        tri_verts=np.ascontiguousarray(part.triangles, dtype=np.uint64),
-    )
-    solid = manifold3d.Manifold(mesh)
+    solid = make_solid(part.vertices_m, part.triangles)
     return None if solid.is_empty() else solid
 
 

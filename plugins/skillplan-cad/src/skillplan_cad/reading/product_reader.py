@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.regular_file import is_folder, is_regular
-from skillplan_cad.product import Closure, Part, Points, Product, Triangles
+from skillplan_cad.product import Closure, Part, Points, Product, Triangles, make_solid
 from skillplan_cad.reading.mending import (
     compute_centre_m,
     compute_volumes_m3,
@@ -507,17 +507,7 @@ def _refuse_own_frames(path: Path, meshes: Sequence[Mended]) -> None:
 
 def _overlap_deeply(first: RawPart, second: RawPart) -> bool:
     """Return whether two parts share a tenth of the smaller volume."""
-    import manifold3d
-
-    solids = [
-        manifold3d.Manifold(
-            manifold3d.Mesh64(
-                vert_properties=np.ascontiguousarray(part.vertices_m * 1000),
-                tri_verts=np.ascontiguousarray(part.triangles, dtype=np.uint64),
-            )
-        )
-        for part in (first, second)
-    ]
+    solids = [make_solid(part.vertices_m, part.triangles) for part in (first, second)]
     volumes = [float(solid.volume()) for solid in solids]
     if min(volumes) <= 0:
         return False

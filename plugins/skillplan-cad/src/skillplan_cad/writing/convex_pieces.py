@@ -16,7 +16,7 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.product import Points, Triangles
+from skillplan_cad.product import Points, Triangles, make_solid
 
 Pieces = tuple[tuple[Points, Triangles], ...]
 Floats = NDArray[np.float64]
@@ -72,7 +72,7 @@ def decompose_convex(
     most
         Number of pieces after which cutting ends.
     """
-    whole = _build_solid(vertices_m, triangles)
+    whole = make_solid(vertices_m, triangles)
     if whole.is_empty():
         return ()
     waiting: list[tuple[float, int, manifold3d.Manifold, manifold3d.Manifold]] = []
@@ -101,14 +101,6 @@ def decompose_convex(
             add(half)
     done += [body.hull() for _, _, body, _ in waiting]
     return tuple(piece for piece in map(_build_mesh, done) if piece is not None)
-
-
-def _build_solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
-    mesh = manifold3d.Mesh64(
-        vert_properties=np.ascontiguousarray(vertices_m * _TO_MM),
-        tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
-    )
-    return manifold3d.Manifold(mesh)
 
 
 def _build_mesh(hull: manifold3d.Manifold) -> tuple[Points, Triangles] | None:

@@ -10,12 +10,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.robots.catalogue import ARMS
-from skillplan_cad.product import Part, Points, Triangles, Vector
+from skillplan_cad.product import Part, Points, Triangles, Vector, make_solid
 
 Meshes = tuple[tuple[Points, Triangles], ...]
 
@@ -99,11 +98,7 @@ def _find_shoulder(corners: NDArray[np.float64]) -> float | None:
 
 def _split_at(vertices_m: Points, triangles: Triangles, height_m: float) -> Meshes | None:
     """Return the parts of a mesh above and below a height."""
-    mesh = manifold3d.Mesh64(
-        vert_properties=np.ascontiguousarray(vertices_m * 1e3),
-        tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
-    )
-    solid = manifold3d.Manifold(mesh)
+    solid = make_solid(vertices_m, triangles)
     if solid.is_empty():
         return None
     # Cut just above the shoulder; a cut in its plane would leave a sheet on the upper half.

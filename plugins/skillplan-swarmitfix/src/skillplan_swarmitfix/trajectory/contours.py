@@ -22,7 +22,6 @@ from skillplan_swarmitfix.trajectory.path import (
 from skillplan_swarmitfix.trajectory.path_elements import Arc, Spline, circle_of
 from skillplan_swarmitfix.trajectory.plane_point import Point2
 
-OUTER = "outer"
 MOST_LISTED = 12
 """So many contours are listed in a message."""
 
