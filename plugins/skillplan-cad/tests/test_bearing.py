@@ -14,6 +14,7 @@ from skillplan_cad import (
     ATTITUDES,
     Bearing,
     Face,
+    LeftOut,
     Planner,
     Product,
     build_task,
@@ -51,13 +52,13 @@ def test_what_only_its_fit_holds_is_not_borne_and_neither_is_what_stands_on_it()
     knob = box(20, 20, 60, 40, 40, 65)
     bearing = borne(product_of(plate=PLATE, sleeve=SLEEVE, ram=RAM, knob=knob))
     assert bearing.order == ("plate", "sleeve")
-    assert "only its fit to sleeve or knob holds it" in bearing.why_not["ram"]
-    assert "stands on ram alone, which nothing bears" in bearing.why_not["knob"]
+    assert "only its fit to sleeve or knob holds it" in bearing.why_not["ram"].text
+    assert "stands on ram alone, which nothing bears" in bearing.why_not["knob"].text
 
 
 def test_a_part_with_its_centre_of_mass_beside_what_bears_it_would_tip():
     bearing = borne(product_of(plate=PLATE, board=box(50, 0, 10, 150, 60, 14)))
-    assert "would tip off plate" in bearing.why_not["board"]
+    assert "would tip off plate" in bearing.why_not["board"].text
 
 
 def test_without_what_hangs_below_all_others_they_stand():
@@ -67,7 +68,7 @@ def test_without_what_hangs_below_all_others_they_stand():
     shelf = box(5, 5, 60, 35, 35, 70)
     bearing = borne(product_of(block=block, collar=collar, shelf=shelf))
     assert bearing.order == ("block", "shelf")
-    assert "stands lower than all others" in bearing.why_not["collar"]
+    assert "stands lower than all others" in bearing.why_not["collar"].text
 
 
 def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_more():
@@ -80,7 +81,7 @@ def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_mor
     assert (bearing.up, bearing.order) == (ATTITUDES["x"], ("plate", "post", "cap"))
     flat = borne(lying)
     assert flat.order == ("post", "cap")
-    assert "stands lower than all others" in flat.why_not["plate"]
+    assert "stands lower than all others" in flat.why_not["plate"].text
     standing = product_of(plate=PLATE, sleeve=SLEEVE)
     assert find_best_bearing(standing, related(standing)).up == UP
 
@@ -134,7 +135,7 @@ def test_what_check_refuses_is_left_out_with_its_words():
     wrong = Bearing(UP, ("plate", "balloon"), {"plate": (), "balloon": ("plate",)})
     task = build_task(product, known, Planner(product, known).plan(), bearing=wrong)
     assert list(task.document["parts"]) == ["plate"]
-    assert task.left_out["balloon"].startswith("is refused: 'balloon' floats 30.0 mm above")
+    assert task.left_out["balloon"].text.startswith("is refused: 'balloon' floats 30.0 mm above")
     assert task.faults == ()
 
 
@@ -142,7 +143,8 @@ def test_where_nothing_stands_all_parts_are_in_the_task_and_a_warning_says_so():
     """As of round parts that lie; here they are only said to."""
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     known = related(product)
-    none = Bearing(UP, (), {}, {"plate": "rolls", "sleeve": "rolls"})
+    rolling = {name: LeftOut(name, "not level", "rolls") for name in ("plate", "sleeve")}
+    none = Bearing(UP, (), {}, rolling)
     task = build_task(product, known, Planner(product, known).plan(), bearing=none)
     assert list(task.document["parts"]) == ["plate", "sleeve"]
     assert task.limits == {"plate": ("rolls",), "sleeve": ("rolls",)}

@@ -163,6 +163,7 @@ def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     assert "balloon is left out of the task: it has nothing beneath it" in message
     document = json.loads((tmp_path / "other" / "report.json").read_text("utf-8"))
     assert list(document["left_out"]) == ["balloon"]
+    assert document["left_out_why"] == {"balloon": {"kind": "floats", "by": []}}
     assert document["attitude"]["stands"] == [
         {"part": "plate", "on": []},
         {"part": "block", "on": ["plate"]},

@@ -100,10 +100,12 @@ def chart_of(file, capsys):
 def test_what_takes_a_second_hand_or_a_turn_is_told_in_words(written):
     """The nut is held from the step after it, until the bolt is in it, and comes from below."""
     _, _, task, _ = written
-    assert task.left_out == {
+    assert {name: reason.text for name, reason in task.left_out.items()} == {
         "nut": "is driven from below: the product has to be turned over, or held up by a fixture",
         "bolt": "goes through or into nut, which is left out",
     }
+    reasons = {name: (reason.kind, reason.by) for name, reason in task.left_out.items()}
+    assert reasons == {"nut": ("from below", ()), "bolt": ("follows", ("nut",))}
     assert task.limits["nut"] == (
         "comes after the product was turned over",
         "must be held once cover is placed, until bolt is",

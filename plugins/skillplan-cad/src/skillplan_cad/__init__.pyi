@@ -44,6 +44,7 @@ from .reading.step_file import read_in_process as read_in_process
 from .relation import Blocking as Blocking
 from .relation import Contact as Contact
 from .relation import Fastener as Fastener
+from .relation import LeftOut as LeftOut
 from .relation import Relation as Relation
 from .relation import RelationPart as RelationPart
 from .relation import Sensitive as Sensitive
@@ -69,6 +70,7 @@ __all__ = [
     "FitOptions",
     "Instance",
     "Item",
+    "LeftOut",
     "Limits",
     "Part",
     "Planner",

@@ -99,6 +99,44 @@ class Contact:
 
 PartKind = Literal["part", "screw", "nut", "washer", "pin"]
 
+Reason = Literal[
+    "stuck",
+    "not examined",
+    "surface",
+    "sub-assembly",
+    "several moves",
+    "hangs lower",
+    "not level",
+    "tips",
+    "floats",
+    "from below",
+    "follows",
+    "too heavy",
+    "no grasp",
+    "no place",
+    "refused",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A part that is not in the task.
+
+    Parameters
+    ----------
+    kind
+        Kind of reason; ``follows`` if it depends on other parts that are left out.
+    text
+        Clause that follows the part's name, without a full stop.
+    by
+        Names of the parts that cause it.
+    """
+
+    part: str
+    kind: Reason
+    text: str
+    by: tuple[str, ...] = ()
+
 
 @dataclass(frozen=True, slots=True)
 class RelationPart:

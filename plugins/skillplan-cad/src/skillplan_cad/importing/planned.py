@@ -22,7 +22,7 @@ from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
 from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import is_step
-from skillplan_cad.relation import Relation
+from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import WrittenTask, build_task
@@ -121,6 +121,16 @@ def _build_stuck(stuck: Stuck, relation: Relation) -> dict[str, Any]:
             }
             for number in range(len(relation.directions))
         ],
+    }
+
+
+def build_left_out_document(left_out: Mapping[str, LeftOut]) -> dict[str, Any]:
+    """Return the parts outside the task as JSON, with the reasons."""
+    return {
+        "left_out": {name: reason.text for name, reason in left_out.items()},
+        "left_out_why": {
+            name: {"kind": reason.kind, "by": list(reason.by)} for name, reason in left_out.items()
+        },
     }
 
 
@@ -281,8 +291,9 @@ def plan_product(
     if plan.complete:
         document["attitude"] = build_attitude_document(bearing)
         warnings += list_attitude_warnings(product, relation, bearing, settings.up)
+        words = "is an open surface; --thickness MM makes it a sheet"
         sheets = {
-            part.name: "is an open surface; --thickness MM makes it a sheet"
+            part.name: LeftOut(part.name, "surface", words)
             for part in product
             if part.closure == "surface" and settings.thickness_mm is None
         }
@@ -295,12 +306,11 @@ def plan_product(
             if drawn is not thinner
         }
         task = build_task(loose, relation, plan, settings.robot, bearing, sheets, remarks)
-        document["left_out"] = dict(
-            {**bearing.why_not, **sheets} if task is None else task.left_out
-        )
+        left_out = {**bearing.why_not, **sheets} if task is None else task.left_out
+        document |= build_left_out_document(left_out)
         warnings += [
-            f"{name} is left out of the task: it {words}."
-            for name, words in document["left_out"].items()
+            f"{name} is left out of the task: it {reason.text}."
+            for name, reason in left_out.items()
         ]
         if task is None:
             warnings.append("No part is left that one arm could place: no product.yaml is written.")

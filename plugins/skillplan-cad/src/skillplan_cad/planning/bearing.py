@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from skillplan_cad.planning.stability import find_axes_across, is_over
 from skillplan_cad.product import Product, Vector
-from skillplan_cad.relation import Contact, Relation
+from skillplan_cad.relation import Contact, LeftOut, Relation
 
 Array = NDArray[np.float64]
 
@@ -51,13 +51,13 @@ class Bearing:
     on
         Supports of these parts; empty for parts on the table alone.
     why_not
-        Reasons why the other parts lack support, as clauses that follow a name.
+        Reasons why the other parts lack support.
     """
 
     up: Vector
     order: tuple[str, ...]
     on: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    why_not: Mapping[str, str] = field(default_factory=dict)
+    why_not: Mapping[str, LeftOut] = field(default_factory=dict)
 
 
 def find_bearing(product: Product, relation: Relation, up: Vector) -> Bearing:
@@ -182,7 +182,7 @@ class _Standing:
         level = counts[which] >= _FEWEST_POINTS
         return np.asarray(points[level] if level.any() else points)
 
-    def _explain(self, name: str, borne: Collection[str]) -> str:
+    def _explain(self, name: str, borne: Collection[str]) -> LeftOut:
         """Return the reason why a part lacks support."""
         beneath = list(self._beneath[name])
         there = [other for other in beneath if other in borne]
@@ -196,19 +196,23 @@ class _Standing:
         ground = min((self._lowest[supported] for supported in borne), default=-np.inf)
         below = self._lowest[name] < ground - _TOUCH_M
         if below and is_over(self._centres[name], self._find_foot(name)):
-            return "stands lower than all others, more of which stand without it"
+            words = "stands lower than all others, more of which stand without it"
+            return LeftOut(name, "hangs lower", words)
         if there:
-            return (
+            words = (
                 f"would tip off {_format_names(there)}: its centre of mass is beside what bears it"
             )
+            return LeftOut(name, "tips", words, tuple(there))
         if beneath:
-            return f"stands on {_format_names(beneath)} alone, which nothing bears"
+            words = f"stands on {_format_names(beneath)} alone, which nothing bears"
+            return LeftOut(name, "follows", words, tuple(beneath))
         if touched:
-            return (
+            words = (
                 f"has no level face beneath it: only its fit to {_format_names(touched)} holds it, "
                 "which takes a second hand, a press or a nest"
             )
-        return "has nothing beneath it: it touches no other part"
+            return LeftOut(name, "not level", words, tuple(dict.fromkeys(touched)))
+        return LeftOut(name, "floats", "has nothing beneath it: it touches no other part")
 
 
 def _format_names(names: list[str]) -> str:

@@ -24,7 +24,7 @@ from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.bearing import Bearing, find_best_bearing
 from skillplan_cad.product import Part, Points, Product, Triangles, Vector
-from skillplan_cad.relation import Fastener, Relation
+from skillplan_cad.relation import Fastener, LeftOut, Relation
 from skillplan_cad.writing.pieces_proof import ProvedPieces, prove_pieces
 from skillplan_cad.writing.top_grasp import (
     CUP,
@@ -407,24 +407,26 @@ def _feeders(
 _LEVEL = 1e-6
 
 
-def find_indirect_parts(plan: AssemblyPlan) -> dict[str, str]:
+def find_indirect_parts(plan: AssemblyPlan) -> dict[str, LeftOut]:
     """Return the parts that no straight single-part move brings, each with a reason."""
-    reasons: dict[str, str] = {}
+    reasons: dict[str, LeftOut] = {}
     for step in plan.steps:
         for part in step.parts:
             if len(step.parts) > 1:
-                others = ", ".join(name for name in step.parts if name != part)
-                reasons[part] = f"comes as a sub-assembly with {others}"
+                others = tuple(name for name in step.parts if name != part)
+                words = f"comes as a sub-assembly with {', '.join(others)}"
+                reasons[part] = LeftOut(part, "sub-assembly", words, others)
             elif step.path:
-                reasons[part] = f"comes by {len(step.path)} moves, not by a straight one"
+                words = f"comes by {len(step.path)} moves, not by a straight one"
+                reasons[part] = LeftOut(part, "several moves", words)
     return reasons
 
 
-def find_parts_from_below(relation: Relation, up: Vector) -> dict[str, str]:
+def find_parts_from_below(relation: Relation, up: Vector) -> dict[str, LeftOut]:
     """Return the screws and nuts that are driven from below, each with a reason."""
     words = "is driven from below: the product has to be turned over, or held up by a fixture"
     return {
-        fastener.part: words
+        fastener.part: LeftOut(fastener.part, "from below", words)
         for fastener in relation.fasteners
         if fastener.part in relation.driven and float(np.dot(fastener.axis, up)) < -_LEVEL
     }
@@ -532,7 +534,7 @@ class WrittenTask:
     files: Mapping[str, str]
     names: Mapping[str, str]
     limits: Mapping[str, tuple[str, ...]]
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, LeftOut]
     faults: tuple[str, ...]
     upright: Upright
     pieces: ProvedPieces
@@ -544,7 +546,7 @@ def build_task(
     plan: AssemblyPlan,
     robot: str = "panda",
     bearing: Bearing | None = None,
-    without: Mapping[str, str] | None = None,
+    without: Mapping[str, LeftOut] | None = None,
     remarks: Mapping[str, str] | None = None,
 ) -> WrittenTask | None:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
@@ -560,7 +562,7 @@ def build_task(
         Supports of the parts; default: the orientation in which most parts stand. If no part is
         supported, none is left out for lack of support.
     without
-        Parts to leave out, each with a reason.
+        Parts to leave out, with the reasons.
     remarks
         Clauses about parts, which are listed with the limits of one arm.
     """
@@ -577,7 +579,7 @@ def build_task(
         writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks or {})
         if writer.places.without:
             words = "finds no place within the arm's reach"
-            left_out |= dict.fromkeys(writer.places.without, words)
+            left_out |= {name: LeftOut(name, "no place", words) for name in writer.places.without}
             continue
         task = writer.write(proved)
         proved = proved or task.pieces
@@ -586,23 +588,25 @@ def build_task(
             return task
         product_names = {task_name: name for name, task_name in task.names.items()}
         refused_parts = {
-            product_names[task_name]: f"is refused: {words.removesuffix('.')}"
+            name: LeftOut(name, "refused", f"is refused: {words.removesuffix('.')}")
             for task_name, words in reasons.items()
             if task_name
+            for name in (product_names[task_name],)
         }
         if not refused_parts:
             return replace(task, faults=tuple(reasons.values()))
         left_out |= refused_parts
 
 
-def _find_loose_screws(relation: Relation, left_out: Mapping[str, str]) -> dict[str, str]:
+def _find_loose_screws(relation: Relation, left_out: Mapping[str, LeftOut]) -> dict[str, LeftOut]:
     """Return the screws and nuts that join a part that is left out, each with a reason."""
-    loose: dict[str, str] = {}
-    for name in relation.driven - left_out.keys():
+    loose: dict[str, LeftOut] = {}
+    for name in sorted(relation.driven - left_out.keys(), key=relation.index):
         fastener = relation.fastener(name)
         for join in fastener.joins if fastener else ():
             if join in left_out or join in loose:
-                loose[name] = f"goes through or into {join}, which is left out"
+                words = f"goes through or into {join}, which is left out"
+                loose[name] = LeftOut(name, "follows", words, (join,))
                 break
     return loose
 
@@ -614,7 +618,7 @@ class _Writer:
     plan: AssemblyPlan
     bearing: Bearing
     robot: str
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, LeftOut]
     remarks: Mapping[str, str]
     names: Mapping[str, str] = field(init=False)
     kept: tuple[Part, ...] = field(init=False)
@@ -656,9 +660,10 @@ class _Writer:
         for name, words in list_plan_limits(self.product, self.plan, self.bearing.up):
             self._note(name, words)
         for name in self.names:
-            for reasons in (self.bearing.why_not, self.remarks):
-                if name in reasons:
-                    self._note(name, reasons[name])
+            if name in self.bearing.why_not:
+                self._note(name, self.bearing.why_not[name].text)
+            if name in self.remarks:
+                self._note(name, self.remarks[name])
         document = self._build_document(parts, screws)
         text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         limits = {name: tuple(lines) for name, lines in self.limits.items()}
@@ -816,9 +821,9 @@ def _add_meshes(name: str, meshes: Meshes, files: dict[str, str]) -> list[dict[s
     return entries
 
 
-def _format_comments(left_out: Mapping[str, str], limits: Mapping[str, tuple[str, ...]]) -> str:
+def _format_comments(left_out: Mapping[str, LeftOut], limits: Mapping[str, tuple[str, ...]]) -> str:
     """Return the parts left out and the limits of one arm as comment lines."""
-    messages = [f"Left out: {name} {words}." for name, words in left_out.items()]
+    messages = [f"Left out: {name} {reason.text}." for name, reason in left_out.items()]
     messages += [f"Beware: {name} {words}." for name, lines in limits.items() for words in lines]
     wrapped = [textwrap.wrap(line, _COMMENT_WIDTH, break_long_words=False) for line in messages]
     return "".join(f"# {line}\n" for lines in wrapped for line in lines)
