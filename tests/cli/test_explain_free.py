@@ -178,3 +178,40 @@ def test_a_part_that_the_task_leaves_out_is_explained_by_its_name_in_the_file(to
     assert "CAP" in whole["present"]
     after, _ = told(capsys, tower, "free(post)", "--after", AFTER_PLATE)
     assert after["present"] == ["plate"]
+
+
+def test_a_relation_without_a_task_answers_in_the_names_and_the_frame_of_the_file(tower, capsys):
+    relation = tower.parent / "relation.json"
+    document = json.loads(relation.read_text()) | {"stuck": ["CAP", "PLATE 1"]}
+    relation.write_text(json.dumps(document))
+    tower.unlink()
+    (tower.parent / "report.json").unlink()
+    answer, code = told(capsys, relation, "free(POST)")
+    assert (code, answer["task"], answer["stuck"]) == (0, None, False)
+    assert answer["present"] == ["PLATE 1", "CAP"]
+    by = {tuple(direction["direction"]): direction for direction in answer["directions"]}
+    assert by[1, 0, 0]["blocked_by"][0]["part"] == "CAP"
+    assert by[1, 0, 0]["blocked_by"][0]["point_mm"] == [10, 0, 2]
+    assert run(["explain", str(relation), "free(CAP)"]) == 0
+    assert "no motion that import-cad searched frees it, nor PLATE 1" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["free(POS)"], "there is no part 'POS'. Did you mean 'POST'?"),
+        (["place(POST)"], "is a relation, which has no skills: ask 'free(PART)'"),
+        (["free(POST)", "--after", "0"], "--after needs a task"),
+        (["free(POST)", "--picture", "a.png"], "Name its product.yaml instead"),
+    ],
+)
+def test_a_relation_without_a_task_refuses_what_needs_one(tower, capsys, words, message):
+    assert run(["explain", str(tower.parent / "relation.json"), *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_damaged_relation_is_named_with_the_remedy(tower, capsys):
+    path = tower.parent / "relation.json"
+    path.write_text(path.read_text().replace('"blocked"', '"blocks"'))
+    assert run(["explain", str(path), "free(POST)"]) == 2
+    assert "is damaged: KeyError('blocked'). Write it anew with" in capsys.readouterr().err

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from skillplan.chart.precedence_chart import DerivedChart
@@ -289,7 +290,7 @@ class Way:
     Parameters
     ----------
     direction
-        Unit vector in the world of the task.
+        Unit vector in the world of the task, or in the file of the product without a task.
     in_file
         The same vector in the file of the product.
     obstacles
@@ -308,11 +309,15 @@ class Freedom:
     Parameters
     ----------
     task
-        The task of the product.
+        The task of the product; None for a relation without one.
+    path
+        Path of the relation.
     part
-        Name of the part in the task.
+        Name of the part in the task, or in the relation without one.
     present
         The other parts in place, in the order of the file.
+    stuck
+        Parts of the whole product that no searched motion frees.
     tolerance_m
         Radius of the disc that must be blocked to count [m].
     ways
@@ -321,9 +326,11 @@ class Freedom:
         Kind of a drawn file, such as ``picture``, to its path.
     """
 
-    task: Task
+    task: Task | None
+    path: Path
     part: str
     present: tuple[str, ...]
+    stuck: tuple[str, ...]
     tolerance_m: float
     ways: tuple[Way, ...]
     files: Mapping[str, str] = field(default_factory=dict, hash=False)
@@ -345,11 +352,13 @@ class Freedom:
 
     def document(self) -> dict[str, Any]:
         """Return them as JSON; lengths in mm, directions and points in the world of the task."""
+        task = self.task
         return {
             "schema": schemas.FREEDOM,
-            "task": {"name": self.task.name, "sha256": self.task.sha256},
+            "task": None if task is None else {"name": task.name, "sha256": task.sha256},
             "part": self.part,
             "free": self.free,
+            "stuck": self.part in self.stuck,
             "present": list(self.present),
             "tolerance_mm": _mm(self.tolerance_m),
             "directions": [
@@ -375,18 +384,18 @@ class Freedom:
 
 
 def find_freedom(
-    task: Task, relation: ProductRelation, part: str, state: State | None = None
+    task: Task | None, relation: ProductRelation, part: str, state: State | None = None
 ) -> Freedom:
     """Return the directions in which a part is free.
 
     Parameters
     ----------
     task
-        The task of the product.
+        The task of the product; None for a relation without one.
     relation
-        Relation of the product, read from the folder of the task.
+        Relation of the product.
     part
-        Name of the part in the task.
+        Name of the part in the relation.
     state
         State with the parts in place; None for the whole product.
 
@@ -397,7 +406,11 @@ def find_freedom(
     """
     name = relation.part(part)
     others = (other for other in relation.parts if other != name)
-    present = tuple(other for other in others if state is None or is_in_place(task, other, state))
+    present = tuple(
+        other
+        for other in others
+        if task is None or state is None or is_in_place(task, other, state)
+    )
     ways = tuple(
         Way(
             direction,
@@ -410,7 +423,7 @@ def find_freedom(
         )
         for number, (direction, in_file) in enumerate(relation.directions)
     )
-    return Freedom(task, name, present, relation.tolerance_m, ways)
+    return Freedom(task, relation.path, name, present, relation.stuck, relation.tolerance_m, ways)
 
 
 def is_in_place(task: Task, part: str, state: State) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.load import load_part, load_result, open_cache
-from skillplan.cli.options.completion import skills
+from skillplan.cli.options.completion import skills, task_files
 from skillplan.cli.options.shared import (
     OUTPUT,
     RESULT_HELP,
@@ -17,17 +17,17 @@ from skillplan.cli.options.shared import (
     Caching,
     PartReading,
     Style,
-    TaskFile,
 )
 from skillplan.cli.options.values import count_option
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from skillplan.pipeline.restoration import LoadedResult
     from skillplan.records.questions import Freedom
+    from skillplan.task.pose import Pose
     from skillplan.task.skill import Skill
     from skillplan.task.state import State
     from skillplan.task.task import Task
@@ -37,14 +37,22 @@ _PICTURES = (".png", ".svg")
 
 
 def command(
-    task: TaskFile,
+    task: Annotated[
+        str,
+        typer.Argument(
+            metavar="TASK",
+            autocompletion=task_files,
+            help="A task file: YAML, or TSPLIB's .sop; or a relation.json of import-cad.",
+            show_default=False,
+        ),
+    ],
     skill: Annotated[
         str,
         typer.Argument(
             metavar="SKILL",
             autocompletion=skills,
-            help="Name or action number of a skill; or, for a task from CAD, 'free(PART)' to list "
-            "the parts that block PART.",
+            help="Name or action number of a skill; or, for a product from CAD, 'free(PART)' to "
+            "list the parts that block PART.",
             show_default=False,
         ),
     ],
@@ -116,8 +124,11 @@ def command(
     Shows the verdict of every stage with the facts it rests on and its measurements. For a task
     from import-cad, 'free(PART)' shows the directions in which a part can be moved away from the
     whole product, or from the parts in place after --after or --from, and the parts that block the
-    other directions.
+    other directions. A relation.json of import-cad needs no task: all parts are in place, and names
+    and directions are those of the CAD file.
     """
+    from pathlib import Path
+
     from skillplan.chart.hypothetical_state import find_state_with_all_else
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, illustrator, resolve_drawing_paths
@@ -125,10 +136,21 @@ def command(
     from skillplan.pipeline.exchange import read_given_plan
     from skillplan.pipeline.solving import make_model
     from skillplan.records.questions import explain, find_state_after
+    from skillplan.records.stored.product_relation import is_relation
     from skillplan.views.tables.questions import tabulate_explanation
 
     if last and (after is not None or result is not None):
         raise OptionError("Give --last alone: --after and --from name another state.")
+    part = _FREE.fullmatch(skill.strip())
+    if is_relation(Path(task)):
+        _refuse_options_of_tasks(
+            task,
+            {"--after": after, "--from": result, "--step": step, "--last": last or None}
+            | {"--picture": picture, "--animate": animate},
+        )
+        if part is None:
+            raise OptionError(f"{task}: is a relation, which has no skills: ask 'free(PART)'.")
+        return _explain_freedom(None, task, part.group(1).strip(), None, None, style)
     if result is None:
         if step is not None:
             raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
@@ -141,7 +163,6 @@ def command(
         setup = stored.setup
         loaded, before = _until(stored, step)
         constructed = setup.back_ends(loaded, stored.problem.spare_back_ends)
-    part = _FREE.fullmatch(skill.strip())
     if part is not None:
         assembled = after is None and result is None
         name, done = part.group(1).strip(), None if assembled else before
@@ -161,6 +182,15 @@ def command(
     return exit_code(solved=explanation.feasible)
 
 
+def _refuse_options_of_tasks(file: str, options: Mapping[str, object]) -> None:
+    for option, value in options.items():
+        if value is not None:
+            raise OptionError(
+                f"{option} needs a task, and {file} is the relation of a product. Name its "
+                "product.yaml instead."
+            )
+
+
 def _until(stored: LoadedResult, step: int | None) -> tuple[Task, tuple[Skill, ...]]:
     """Return the task of a result, and the steps of its plan before one step, or all."""
     task, plan = stored.planned()
@@ -171,8 +201,8 @@ def _until(stored: LoadedResult, step: int | None) -> tuple[Task, tuple[Skill, .
 
 
 def _explain_freedom(
-    task: Task,
-    task_file: str,
+    task: Task | None,
+    file: str,
     part: str,
     before: Sequence[Skill] | None,
     picture: str | None,
@@ -182,8 +212,10 @@ def _explain_freedom(
 
     Parameters
     ----------
-    task, task_file
-        A task that import-cad wrote.
+    task
+        A task that import-cad wrote; None for a relation without one.
+    file
+        File of the task, or of the relation.
     part
         Name of the part.
     before
@@ -204,17 +236,17 @@ def _explain_freedom(
     from skillplan.errors import exit_code
     from skillplan.files.output_path import check_output_path
     from skillplan.records.questions import find_freedom
-    from skillplan.records.stored.product_relation import read_relation_beside
+    from skillplan.records.stored.product_relation import read_relation, read_relation_beside
     from skillplan.views.tables.questions import tabulate_freedom
 
     path = (
         None if picture is None else check_output_path("--picture", picture, _PICTURES, "pictures")
     )
-    relation = read_relation_beside(Path(task_file))
-    state = None if before is None else _predict_state(task, before)
+    relation = read_relation(Path(file)) if task is None else read_relation_beside(Path(file))
+    state = None if task is None or before is None else _predict_state(task, before)
     directions = find_freedom(task, relation, part, state)
-    if path is not None:
-        _draw_freedom(directions, path)
+    if path is not None and task is not None:
+        _draw_freedom(directions, task.scene.at(task.goal.requires), path)
         directions = directions.drawn({"picture": str(path)})
     emit(style, directions.document(), tabulate_freedom(directions), failed=not directions.free)
     return exit_code(solved=directions.free)
@@ -231,14 +263,14 @@ def _predict_state(task: Task, before: Sequence[Skill]) -> State:
     return state
 
 
-def _draw_freedom(directions: Freedom, path: Path) -> None:
+def _draw_freedom(directions: Freedom, goals: dict[str, Pose], path: Path) -> None:
     # matplotlib takes half a second.
     from skillplan.views.figures.exploded_figure import draw_freedom
     from skillplan.views.figures.figure_file import save_figure
     from skillplan.views.figures.figure_style import Heading
 
     try:
-        figure = draw_freedom(directions, directions.task.scene.at(directions.task.goal.requires))
+        figure = draw_freedom(directions, goals)
     except ValueError as error:
         raise OptionError(f"--picture: {error}") from None
     save_figure(figure.with_heading(Heading(figure.title)), path)

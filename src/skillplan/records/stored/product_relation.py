@@ -1,4 +1,4 @@
-"""The blocking relation of a CAD product, from the files that `import-cad` writes with a task."""
+"""The blocking relation of a CAD product, from the files that `import-cad` writes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
-from skillplan.files.json_file import read_document
+from skillplan.files.json_file import parse_json, read_document
+from skillplan.files.regular_file import read_bytes
 from skillplan.records import schemas
 from skillplan.task.pose import Point
 
 RELATION_FILE, REPORT_FILE = "relation.json", "report.json"
 _REMEDY = "Write it anew with `skillplan import-cad`"
 _M_PER_MM = 1e-3
+_MOST_BYTES = 64 * 1024 * 1024
+_FRAME_OF_FILE: dict[str, Any] = {
+    "turn": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "offset_mm": [0, 0, 0],
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +29,13 @@ class Obstacle:
     Parameters
     ----------
     part
-        Name of the blocking part in the task.
+        Name of the blocking part.
     distance_m
         Travel of the other part until they meet [m].
     width_m
         Diameter of the largest disc that is blocked [m].
     point_m
-        A point of contact, in the world of the task [m].
+        A point of contact [m].
     sensitive
         True if half or double the tolerance gives another answer.
     """
@@ -43,7 +49,7 @@ class Obstacle:
 
 @dataclass(frozen=True, slots=True)
 class ProductRelation:
-    """The relation of a product, in names and in the world of its task.
+    """The relation of a product, in names and in the world of its task, or of its CAD file.
 
     Parameters
     ----------
@@ -51,16 +57,19 @@ class ProductRelation:
         Path of `relation.json`.
     parts
         Names in the task, in the order of the file; parts not in the task keep their names.
+    stuck
+        Parts that no searched motion frees.
     tolerance_m
         Radius of the disc that must be blocked to count [m].
     directions
         Unit vectors in the world, with the vectors of the file that they stand for.
     obstacles
-        Number of a part and of a direction to the obstacles.
+        Name of a part and number of a direction to the obstacles.
     """
 
     path: Path
     parts: tuple[str, ...]
+    stuck: tuple[str, ...]
     tolerance_m: float
     directions: tuple[tuple[Point, Point], ...]
     obstacles: dict[tuple[str, int], tuple[Obstacle, ...]]
@@ -77,6 +86,34 @@ class ProductRelation:
             hint = name_hint(name, self.parts)
             raise OptionError(f"{self.path}: there is no part {name!r}. {hint}")
         return name
+
+
+def is_relation(path: Path) -> bool:
+    """Return whether a file is a `relation.json`; False if it cannot be read."""
+    if path.suffix.lower() != ".json":
+        return False
+    try:
+        document = parse_json(read_bytes(path, _MOST_BYTES))
+    except (OSError, ValueError):
+        return False
+    schema = document.get("schema") if isinstance(document, dict) else None
+    kind = schemas.RELATION.partition("/")[0]
+    return isinstance(schema, str) and schema.partition("/")[0] == kind
+
+
+def read_relation(path: Path) -> ProductRelation:
+    """Return a relation in the names and the frame of its CAD file.
+
+    Raises
+    ------
+    OptionError
+        If it is damaged or of another version.
+    """
+    relation = read_document(path, schemas.RELATION, _REMEDY)
+    try:
+        return _build_relation(path, relation, {}, _FRAME_OF_FILE)
+    except (KeyError, TypeError, ValueError) as error:
+        raise OptionError(f"{path}: is damaged: {error!r}. {_REMEDY}.") from None
 
 
 def read_relation_beside(task_file: Path) -> ProductRelation:
@@ -103,16 +140,19 @@ def read_relation_beside(task_file: Path) -> ProductRelation:
     relation = read_document(path, schemas.RELATION, _REMEDY)
     report = read_document(folder / REPORT_FILE, schemas.IMPORT, _REMEDY)
     try:
-        return _relation(path, relation, report)
+        # Parts that the task leaves out keep their names in the file.
+        names = {str(name): str(name) for name in report.get("left_out", {})}
+        names |= {str(name): str(own) for name, own in report["task_names"].items()}
+        return _build_relation(path, relation, names, report["placement"])
     except (KeyError, TypeError, ValueError) as error:
         raise OptionError(f"{path}: does not fit {REPORT_FILE}: {error!r}. {_REMEDY}.") from None
 
 
-def _relation(path: Path, relation: dict[str, Any], report: dict[str, Any]) -> ProductRelation:
-    # Parts that the task leaves out keep their names in the file.
-    names = {str(name): str(name) for name in report.get("left_out", {})}
-    names |= {str(name): str(own) for name, own in report["task_names"].items()}
-    placement = report["placement"]
+def _build_relation(
+    path: Path, relation: dict[str, Any], names: dict[str, str], placement: dict[str, Any]
+) -> ProductRelation:
+    """Return a relation; parts without an entry in `names` keep their names if it is empty."""
+    names = names or {str(entry["name"]): str(entry["name"]) for entry in relation["parts"]}
     turn = [_point(row) for row in placement["turn"]]
     offset_m = _scaled(_point(placement["offset_mm"]))
 
@@ -137,6 +177,7 @@ def _relation(path: Path, relation: dict[str, Any], report: dict[str, Any]) -> P
     return ProductRelation(
         path,
         tuple(names[entry["name"]] for entry in relation["parts"]),
+        tuple(names[name] for name in relation.get("stuck", ())),
         relation["tolerance_mm"] * _M_PER_MM,
         tuple((turned(entry), entry) for entry in of_file),
         {key: tuple(sorted(those, key=_nearness)) for key, those in obstacles.items()},

@@ -361,7 +361,7 @@ def draw_freedom(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760
     Parameters
     ----------
     freedom
-        Obstacles of the part by direction.
+        Obstacles of the part by direction, of a product with a task.
     goals
         Places of bodies in the finished product.
 
@@ -370,7 +370,7 @@ def draw_freedom(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760
     ValueError
         If the part has no body with a place.
     """
-    if freedom.part not in goals:
+    if freedom.task is None or freedom.part not in goals:
         raise ValueError(f"{freedom.part} has no body with a place.")
     scene = freedom.task.scene
     names = [freedom.part, *(name for name in freedom.present if name in goals)]

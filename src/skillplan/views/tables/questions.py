@@ -150,11 +150,16 @@ def tabulate_freedom(freedom: Freedom) -> list[Table]:
     free = [name_direction(way.direction) for way in freedom.ways if not way.obstacles]
     outcome = f"free along {', '.join(free)}" if free else "blocked in all directions"
     notes = [f"in place   {', '.join(freedom.present) or 'no other part'}"]
+    if freedom.part in freedom.stuck:
+        others = [name for name in freedom.stuck if name != freedom.part]
+        among = f", nor {', '.join(others)}" if others else ""
+        notes.append(f"stuck      no motion that import-cad searched frees it{among}")
     if any(obstacle.sensitive for way in freedom.ways for obstacle in way.obstacles):
         tolerance_mm = freedom.tolerance_m * _MM_PER_M
         notes.append(f"* half or double the tolerance of {tolerance_mm:g} mm says otherwise")
     notes += [f"{what:<10} {path}" for what, path in freedom.files.items()]
-    return [Table(f"{freedom.task.name}: {freedom.part} is {outcome}", columns, rows, notes)]
+    name = freedom.path if freedom.task is None else freedom.task.name
+    return [Table(f"{name}: {freedom.part} is {outcome}", columns, rows, notes)]
 
 
 def _make_row(way: Way) -> tuple[str, ...]:
