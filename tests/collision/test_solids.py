@@ -1,6 +1,7 @@
 """True shapes at poses: how far one falls, how deep two overlap, by what area they touch."""
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -178,6 +179,21 @@ def test_an_area_that_two_shapes_cover_counts_once():
     assert measure_union([square, moved[0]]) == pytest.approx(7)
     assert measure_union([square, moved[1]]) == pytest.approx(8)
     assert measure_union([square, moved[2]]) == pytest.approx(8)
+
+
+def test_the_area_of_a_thousand_polygons_is_measured_at_once():
+    """A ring of overlapping hexagons, as a round face of many convex pieces is; cubic no more."""
+    turns = [math.pi * side / 3 for side in range(6)]
+    ring = [
+        tuple(
+            (math.cos(at) + math.cos(turn) / 10, math.sin(at) + math.sin(turn) / 10)
+            for turn in turns
+        )
+        for at in (2 * math.pi * number / 1000 for number in range(1000))
+    ]
+    began = time.process_time()
+    assert 2 * math.pi * 0.17 < measure_union(ring) < 2 * math.pi * 0.2
+    assert time.process_time() - began < 2
 
 
 def test_touching_within_the_tolerance_is_no_overlap():

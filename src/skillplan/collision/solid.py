@@ -95,48 +95,10 @@ def measure_union(polygons: Sequence[Sequence[Planar]]) -> float:
     """Return the area of the union of convex polygons."""
     if len(polygons) < 2:
         return sum(area(polygon) for polygon in polygons)
-    sides = [side for polygon in polygons for side in _sides(polygon)]
-    stops = {corner[0] for polygon in polygons for corner in polygon}
-    stops |= {
-        x
-        for i, first in enumerate(sides)
-        for other in sides[:i]
-        for x in _find_crossing(first, other)
-    }
-    ordered = sorted(stops)
-    # No sides cross between two stops, so the covered length changes linearly.
-    return sum(
-        (right - left) * _measure_union_at(polygons, (left + right) / 2)
-        for left, right in pairwise(ordered)
-    )
+    # Imports numpy.
+    import shapely
 
-
-def _measure_union_at(polygons: Sequence[Sequence[Planar]], x: float) -> float:
-    spans = []
-    for polygon in polygons:
-        ys = [
-            a[1] + (b[1] - a[1]) * (x - a[0]) / (b[0] - a[0])
-            for a, b in _sides(polygon)
-            if min(a[0], b[0]) <= x <= max(a[0], b[0]) and a[0] != b[0]
-        ]
-        if ys:
-            spans.append((min(ys), max(ys)))
-    total, reached = 0.0, -math.inf
-    for low, high in sorted(spans):
-        total += max(0.0, high - max(low, reached))
-        reached = max(reached, high)
-    return total
-
-
-def _find_crossing(side: tuple[Planar, Planar], other: tuple[Planar, Planar]) -> Iterator[float]:
-    (ax, ay), (bx, by) = side
-    (cx, cy), (dx, dy) = other
-    across = (bx - ax) * (dy - cy) - (by - ay) * (dx - cx)
-    if across == 0:
-        return
-    share = ((cx - ax) * (dy - cy) - (cy - ay) * (dx - cx)) / across
-    if 0 < share < 1:
-        yield ax + share * (bx - ax)
+    return float(shapely.union_all([shapely.Polygon(polygon) for polygon in polygons]).area)
 
 
 def _sides(polygon: Sequence[Planar]) -> Iterator[tuple[Planar, Planar]]:

@@ -15,7 +15,8 @@ from pathlib import Path
 # Further distributions whose version may change a figure.
 LIBRARIES = frozenset(
     {"coacd", "coal", "gymnasium", "highspy", "manifold3d", "mujoco-core", "numba", "numpy"}
-    | {"ompl", "ortools", "pin", "pybullet", "ray", "scipy", "toppra", "torch", "trimesh"}
+    | {"ompl", "ortools", "pin", "pybullet", "ray", "scipy", "shapely", "toppra", "torch"}
+    | {"trimesh"}
 )
 ABSENT = "is not installed"
 
