@@ -10,7 +10,7 @@ import pytest
 
 from skillplan.chart import Alternatives, DerivedChart, Relation
 from skillplan.pipeline import load_problem
-from skillplan.task import Pose
+from skillplan.task import Body, Box, Pose
 from skillplan.views.figures import (
     COLOURS,
     FAILED,
@@ -28,6 +28,7 @@ from skillplan.views.figures import (
     draw_gantt_picture,
     draw_layout,
     draw_precedence,
+    draw_product,
     film_assembly,
     find_hull,
     list_plan_bars,
@@ -81,6 +82,37 @@ def test_a_layout_numbers_every_step_that_moves_the_arm(board, plan):
 
 def test_a_layout_without_a_plan_shows_the_cell(board):
     assert {"pcb", "brace"} <= set(labels(draw_layout(board, [])))
+
+
+def test_an_exploded_view_of_many_parts_has_numbers_that_cover_no_other_and_a_legend():
+    """The legend leaves out words that all names begin with, and then as many as do not fit."""
+    long, block = "a very long name " * 4, (Box((0.002, 0.002, 0.004), (0.0, 0.0, 0.002)),)
+    names = {n: f"cell-1 - frame/{long * (n > 38)}bolt-{n}" for n in range(1, 41)}
+    added = [
+        (
+            Body(name, block, (), 0.1),
+            Pose((0.003 * (n % 8), 0.003 * (n // 8), 0.0)),
+            (0.0, 0.0, -1.0),
+        )
+        for n, name in names.items()
+    ]
+    picture = draw_product("cell", added)
+    numbers = [str(n) for n in range(1, 41)]
+    assert sorted(labels(picture)[:40], key=int) == numbers
+    assert labels(picture)[40:44] == ["1", "bolt-1", "2", "bolt-2"]
+    assert labels(picture)[-1].endswith("a very long name bolt-40")
+    boxes = [
+        [float(value) for value in re.findall(r"[-\d.]+", path.get("d"))]
+        for path in paths(picture, "f-paper s-ink")
+    ]
+    assert len(boxes) == 40
+    for first, second in combinations(boxes, 2):
+        apart = [
+            max(first[axis::2]) <= min(second[axis::2])
+            or max(second[axis::2]) <= min(first[axis::2])
+            for axis in (0, 1)
+        ]
+        assert any(apart)
 
 
 def test_an_exploded_view_numbers_parts_in_the_order_of_the_plan(board, plan):

@@ -5,6 +5,7 @@ from .catalogue import describe_figures as describe_figures
 from .catalogue import list_figure_names as list_figure_names
 from .catalogue import load_figure_module as load_figure_module
 from .exploded_figure import draw_exploded_view as draw_exploded_view
+from .exploded_figure import draw_product as draw_product
 from .exploded_figure import film_assembly as film_assembly
 from .exploded_figure import render_exploded_png as render_exploded_png
 from .figure_file import check_path as check_path
@@ -94,6 +95,7 @@ __all__ = [
     "draw_layout",
     "draw_learning",
     "draw_precedence",
+    "draw_product",
     "draw_profile",
     "draw_q_values",
     "draw_rewards",

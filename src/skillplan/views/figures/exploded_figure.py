@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from skillplan.physics.performance import Image
@@ -17,6 +18,17 @@ from skillplan.task.pose import DOWN, Pose
 from skillplan.task.pose import Point as Point3
 from skillplan.task.scene import Body
 from skillplan.task.task import Task
+from skillplan.views.figures.exploded_labels import (
+    LEGEND_NAME_PX,
+    MARGIN_PX,
+    MOST_NAMED,
+    NAMES_PX,
+    PITCH_PX,
+    measure_legend_px,
+    write_legend,
+    write_names,
+    write_numbers,
+)
 from skillplan.views.figures.figure_file import render_figure
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, get_requested_task
 from skillplan.views.figures.figure_style import Heading
@@ -25,8 +37,12 @@ from skillplan.views.figures.picture import (
     PIXELS_PER_IN,
     SERIES,
     SMALL_PX,
+    TEXT_PX,
     Note,
     Picture,
+    measure_text_px,
+    shorten,
+    shorten_middle,
 )
 from skillplan.views.figures.solids import (
     AZIMUTHS_DEG,
@@ -40,7 +56,7 @@ from skillplan.views.figures.solids import (
     find_hull,
     place_corners,
 )
-from skillplan.views.text.wording import name_direction
+from skillplan.views.text.wording import name_direction, shorten_names
 
 SOLVER = "exact"
 FILM_FRAMES_PER_S = 12.5
@@ -48,12 +64,14 @@ FILM_FRAMES_PER_S = 12.5
 _NOTHING = "The plan brings no body to a place."
 _GAP_M = 0.018
 _PNG_SCALE = 1.6
-_MARGIN_PX, _NAMES_PX, _MOST_HEIGHT_PX, _PITCH_PX = 20.0, 210.0, 980.0, 21.0
+_MOST_HEIGHT_PX, _NUMBERED_WIDTH_PX = 980.0, 1100.0
 # Frames in which a part moves, rests, and rests at the end of the film.
 _MOVING, _RESTING, _END = 10, 4, 25
 # Distance at which parts appear, as a share of the size of the product.
 _AWAY = 0.55
 _FILM_MARGIN_PX, _FILM_NAMES_PX, _HEAD_PX, _FILM_HEIGHT_PX = 18.0, 200.0, 34.0, 460.0
+# Largest number of names beside a picture of the film.
+_FILM_ROWS = 22
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,34 +182,54 @@ def draw_exploded_view(task: Task, skills: Sequence[str], width_px: float = 760.
     return _draw_exploded(task.name, take_apart(parts), width_px)
 
 
-def render_exploded_png(name: str, added: Sequence[tuple[Body, Pose, Point3]]) -> bytes:
-    """Return the exploded view of a product as PNG; equal bodies make equal bytes.
+AddedBody = tuple[Body, Pose, Point3]
+"""A body with its goal and the unit vector in which it comes."""
+
+
+def draw_product(name: str, added: Sequence[AddedBody], width_px: float = 760.0) -> Picture:
+    """Return the exploded view of a product.
 
     Parameters
     ----------
     added
-        Bodies in the order in which they are added, at least one; each with its goal and the unit
-        vector in which it comes.
+        Bodies in the order in which they are added, at least one.
     """
-    parts = [
+    return _draw_exploded(name, take_apart(list_added_parts(added)), width_px)
+
+
+def list_added_parts(added: Iterable[AddedBody]) -> list[AddedPart]:
+    """Return bodies as parts, each in the colour of its place in the order."""
+    return [
         AddedPart(body, goal, along, _choose_role(number))
         for number, (body, goal, along) in enumerate(added)
     ]
-    picture = _draw_exploded(name, take_apart(parts), 760.0)
-    return render_figure(picture.figure, ".png", round(PIXELS_PER_IN * _PNG_SCALE))
+
+
+def render_exploded_png(name: str, added: Sequence[AddedBody]) -> bytes:
+    """Return the exploded view of a product as PNG; equal bodies make equal bytes."""
+    figure = draw_product(name, added).figure
+    return render_figure(figure, ".png", round(PIXELS_PER_IN * _PNG_SCALE))
 
 
 def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Picture:
+    """Return an exploded view: with names at the side, or with numbers if there are too many."""
+    numbered = len(pieces) > MOST_NAMED
+    name_px = LEGEND_NAME_PX if numbered else NAMES_PX - 20
+    names = _shorten_names(pieces, name_px, SMALL_PX if numbered else TEXT_PX)
+    if numbered:
+        width_px = max(width_px, _NUMBERED_WIDTH_PX)
     solids = [(piece.part.body, piece.pose) for piece in pieces]
     goals = np.array([piece.part.goal.position for piece in pieces])
     points = np.concatenate([goals, *(piece.corners for piece in pieces)])
-    room = width_px - 2 * _MARGIN_PX - _NAMES_PX
-    area = (_MARGIN_PX, _MARGIN_PX, room, _MOST_HEIGHT_PX - 2 * _MARGIN_PX)
-    camera, inner_px = choose_camera(solids).fitted(points, area, _PITCH_PX * len(pieces))
-    height_px = inner_px + 2 * _MARGIN_PX
+    room = width_px - 2 * MARGIN_PX - (0.0 if numbered else NAMES_PX)
+    area = (MARGIN_PX, MARGIN_PX, room, _MOST_HEIGHT_PX - 2 * MARGIN_PX)
+    least_px = 0.0 if numbered else PITCH_PX * len(pieces)
+    camera, inner_px = choose_camera(solids).fitted(points, area, least_px)
+    drawn_px = inner_px + 2 * MARGIN_PX
+    legend_px = measure_legend_px(len(pieces), width_px) if numbered else 0.0
     title = f"Exploded view of {name}, in the order of the plan"
-    picture = Picture(width_px, height_px, title)
-    painter = SolidPainter(camera, width_px, height_px)
+    picture = Picture(width_px, drawn_px + legend_px, title)
+    painter = SolidPainter(camera, picture.width_px, picture.height_px)
     for piece in pieces:
         ends = (camera.pixel(piece.part.goal.position), camera.pixel(piece.pose.position))
         picture.line(ends, "muted", dashed=True)
@@ -201,14 +239,31 @@ def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Pictu
         outline = find_hull([(x, y) for x, y, _ in camera.project(piece.corners).tolist()])
         note = Note(f"{piece.number}. {piece.part.body.name}")
         picture.polygon(outline, "paper", opacity=0.0, note=note)
-    anchors = {piece.number: _find_anchor(painter, piece) for piece in pieces}
-    _write_names(picture, pieces, anchors)
+    bodies = painter.bodies
+    find = _find_middle if numbered else _find_anchor
+    anchors = {piece.number: find(painter, bodies, piece) for piece in pieces}
+    if numbered:
+        write_numbers(picture, anchors, bodies, drawn_px)
+        roles = {piece.number: piece.part.role for piece in pieces}
+        write_legend(picture, names, roles, drawn_px)
+    else:
+        write_names(picture, names, anchors)
     return picture
 
 
-def _find_anchor(painter: SolidPainter, piece: Piece) -> Point:
+def _shorten_names(pieces: Sequence[Piece], width_px: float, size_px: float) -> dict[int, str]:
+    """Return names that fit a width, by number, in order."""
+    names = [piece.part.body.name for piece in pieces]
+    short = shorten_names(names, lambda name: measure_text_px(name, size_px) <= width_px)
+    return {
+        piece.number: shorten_middle(name, width_px, size_px)
+        for piece, name in zip(pieces, short, strict=True)
+    }
+
+
+def _find_anchor(painter: SolidPainter, bodies: NDArray[np.int64], piece: Piece) -> Point:
     """Return the rightmost visible pixel of a piece, or its rightmost corner if it is hidden."""
-    rows, columns = np.nonzero(painter.bodies == piece.number)
+    rows, columns = np.nonzero(bodies == piece.number)
     if not len(columns):
         x, y, _ = max(painter.camera.project(piece.corners).tolist())
         return (x, y)
@@ -217,25 +272,15 @@ def _find_anchor(painter: SolidPainter, piece: Piece) -> Point:
     return (float(right) / OVERSAMPLING - 1, float(row) / OVERSAMPLING)
 
 
-def _write_names(picture: Picture, pieces: Sequence[Piece], anchors: dict[int, Point]) -> None:
-    """Write numbers and names on the right, each with a line to its part."""
-    ordered = sorted(pieces, key=lambda piece: anchors[piece.number][1])
-    ys: list[float] = []
-    for piece in ordered:
-        y = anchors[piece.number][1]
-        ys.append(max(y, ys[-1] + _PITCH_PX) if ys else max(y, _MARGIN_PX))
-    lowest = picture.height_px - _MARGIN_PX
-    for index in reversed(range(len(ys))):
-        ys[index] = min(ys[index], lowest)
-        lowest = ys[index] - _PITCH_PX
-    x = picture.width_px - _NAMES_PX
-    for piece, y in zip(ordered, ys, strict=True):
-        anchor = anchors[piece.number]
-        picture.line((anchor, (x - 26, y), (x - 10, y)), "faint", 0.9)
-        picture.disc(anchor, 1.8, "ink")
-        picture.disc((x, y), 9.5, "paper", "ink", 1.1)
-        picture.label((x, y), str(piece.number), size_px=SMALL_PX, bold=True)
-        picture.label((x + 16, y), piece.part.body.name, anchor="start")
+def _find_middle(painter: SolidPainter, bodies: NDArray[np.int64], piece: Piece) -> Point:
+    """Return the visible pixel of a piece that is nearest to their middle, or its hidden middle."""
+    pixels = np.argwhere(bodies == piece.number)[:, ::-1]
+    if not len(pixels):
+        x, y, _ = painter.camera.project(piece.corners).mean(axis=0).tolist()
+        return (x, y)
+    off = np.square(pixels - pixels.mean(axis=0)).sum(axis=1)
+    x, y = pixels[int(np.argmin(off))].tolist()
+    return (x / OVERSAMPLING, y / OVERSAMPLING)
 
 
 def film_assembly(task: Task, skills: Sequence[str], width_px: float = 720.0) -> Iterator[Image]:
@@ -258,6 +303,8 @@ class _Film:
     def __init__(self, name: str, parts: Sequence[AddedPart], width_px: int) -> None:
         self.name, self.width_px = name, width_px
         self.pieces = [Piece(number, part, part.goal) for number, part in enumerate(parts, 1)]
+        self.names = _shorten_names(self.pieces, _FILM_NAMES_PX - 46, TEXT_PX)
+        self.rows = min(len(parts), _FILM_ROWS)
         placed = np.concatenate([piece.corners for piece in self.pieces])
         self.away_m = _AWAY * float(np.ptp(placed, axis=0).max())
         moved = [piece.moved(self.away_m).corners for piece in self.pieces]
@@ -270,7 +317,7 @@ class _Film:
             _FILM_HEIGHT_PX - 2 * _FILM_MARGIN_PX,
         )
         exploded = [(piece.part.body, piece.pose) for piece in take_apart(parts)]
-        self.camera, inner_px = choose_camera(exploded).fitted(points, area, _PITCH_PX * len(parts))
+        self.camera, inner_px = choose_camera(exploded).fitted(points, area, PITCH_PX * self.rows)
         self.height_px = round(inner_px + 2 * _FILM_MARGIN_PX + _HEAD_PX)
 
     def images(self) -> Iterator[Image]:
@@ -293,23 +340,26 @@ class _Film:
         painter.add(piece.part.body, piece.pose, COLOURS[piece.part.role], piece.number)
 
     def _write_words(self, current: int) -> Bytes:
-        """Return an image of a heading and of all parts, with a mark at the current one."""
+        """Return an image of a heading and of the parts, with a mark at the current one."""
         picture = Picture(self.width_px, self.height_px, f"{self.name} put together")
         piece = self.pieces[current]
-        words = f"{piece.number}. {piece.part.body.name}, {name_direction(piece.part.along)}"
+        words = f"{piece.number}. {self.names[piece.number]}, {name_direction(piece.part.along)}"
         corner = (_FILM_MARGIN_PX, _FILM_MARGIN_PX)
         picture.label(corner, words, size_px=15.0, anchor="start", bold=True)
         x = self.width_px - _FILM_NAMES_PX
-        y = _HEAD_PX + (self.height_px - _HEAD_PX - _PITCH_PX * len(self.pieces)) / 2
-        for index, piece in enumerate(self.pieces):
+        y = _HEAD_PX + (self.height_px - _HEAD_PX - PITCH_PX * self.rows) / 2
+        first = min(max(0, current - self.rows // 2), len(self.pieces) - self.rows)
+        for index, piece in enumerate(self.pieces[first : first + self.rows], first):
             added = index <= current
             picture.disc((x, y), 6.0, piece.part.role, opacity=1.0 if added else 0.25)
             if index == current:
                 picture.polygon(((x - 22, y - 5), (x - 12, y), (x - 22, y + 5)), "ink")
-            text = f"{piece.number}. {piece.part.body.name}"
+            text = shorten_middle(
+                f"{piece.number}. {self.names[piece.number]}", _FILM_NAMES_PX - 18
+            )
             role = "ink" if added else "muted"
             picture.label((x + 14, y), text, role, anchor="start", bold=index == current)
-            y += _PITCH_PX
+            y += PITCH_PX
         return picture.pixels()
 
 
@@ -433,13 +483,13 @@ def _draw_legend(picture: Picture, freedom: Freedom) -> None:
     entries.append((_OTHER, "in place, not in its way"))
     for (role, opacity), words in entries:
         picture.disc((x, y), 6.0, role, opacity=opacity)
-        picture.label((x + 14, y), words, anchor="start")
+        picture.label((x + 14, y), shorten(words, _FREEDOM_NAMES_PX - 18), anchor="start")
         y += _LINE_PX
     y += _LINE_PX / 2
     for number, way in enumerate(freedom.ways, 1):
         picture.disc((x, y), 8.5, "paper", _get_role_of_way(way), 1.4)
         picture.label((x, y), str(number), _get_role_of_way(way), 10.0, bold=True)
-        picture.label((x + 14, y), _describe(way), anchor="start")
+        picture.label((x + 14, y), shorten(_describe(way), _FREEDOM_NAMES_PX - 18), anchor="start")
         y += _LINE_PX
 
 

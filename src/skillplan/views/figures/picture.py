@@ -313,6 +313,18 @@ def shorten(text: str, width_px: float, size_px: float = TEXT_PX) -> str:
     return f"{text.rstrip()}\N{HORIZONTAL ELLIPSIS}" if len(text) > 1 else ""
 
 
+def shorten_middle(text: str, width_px: float, size_px: float = TEXT_PX) -> str:
+    """Return a text, or as much of its beginning and end as fits with an ellipsis between them."""
+    if measure_text_px(text, size_px) <= width_px:
+        return text
+    for kept in range(len(text) - 1, 1, -1):
+        head = kept // 2
+        short = f"{text[:head].rstrip()}\N{HORIZONTAL ELLIPSIS}{text[head - kept :].lstrip()}"
+        if measure_text_px(short, size_px) <= width_px:
+            return short
+    return ""
+
+
 def make_rectangle(left: float, top: float, right: float, bottom: float) -> tuple[Point, ...]:
     """Return the corners of an upright rectangle [px]."""
     return ((left, top), (right, top), (right, bottom), (left, bottom))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -27,6 +28,32 @@ def format_yes_no(value: bool) -> str:
 def count(amount: int, noun: str) -> str:
     """Return an amount with its noun in the singular or plural."""
     return f"{amount:,} {noun}" if amount == 1 else f"{amount:,} {noun}s"
+
+
+# Starts of words, between spaces and slashes, that contain three letters in a row.
+_WORD_START = re.compile(r"(?:^|(?<=[/ ]))(?=[^/ ]*[^\W\d_]{3})")
+
+
+def shorten_names(names: Sequence[str], fits: Callable[[str], bool]) -> list[str]:
+    """Return the longest endings of names that fit, without the words that all begin with.
+
+    An ending begins with a word of letters, after a space or ``/``, and differs from all others.
+    If none fits, it is the shortest that differs. Equal names stay equal.
+    """
+    different = set(names)
+    low, high = min(different, default=""), max(different, default="")
+    shared = next((n for n, (a, b) in enumerate(zip(low, high, strict=False)) if a != b), 0)
+    first = max(low.rfind(" ", 0, shared), low.rfind("/", 0, shared)) + 1
+    starts = {
+        name: [first, *(m.start() for m in _WORD_START.finditer(name) if m.start() > first)]
+        for name in different
+    }
+    counts = Counter(name[start:] for name in different for start in starts[name])
+    short = {}
+    for name in different:
+        endings = [name[start:] for start in starts[name] if counts[name[start:]] == 1]
+        short[name] = next((ending for ending in endings if fits(ending)), (endings or [name])[-1])
+    return [short[name] for name in names]
 
 
 # Control, format (bidirectional, zero-width), lone surrogates, line and paragraph separators.

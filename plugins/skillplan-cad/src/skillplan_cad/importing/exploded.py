@@ -18,14 +18,14 @@ Added = tuple[Body, Pose, Point3]
 Draw = Callable[[str, Sequence[Added]], bytes]
 """Draws bodies in order of assembly, titled with the product's name."""
 
-_STUCK = "stuck"
-
 
 def place_bodies(product: Product, plan: AssemblyPlan) -> list[Added]:
     """Return the parts in order of the plan; stuck parts are one body with the base."""
     upright = place_upright(product, plan.up, (0.0, 0.0))
     stuck = [entry.part for entry in plan.stuck if entry.part != plan.base]
-    name = f"{plan.base} with {', '.join(stuck)} ({_STUCK})" if stuck else plan.base
+    # With unbroken spaces, since pictures cut names at spaces.
+    about = f" with {len(stuck)} stuck part{'s' if stuck[1:] else ''}".replace(" ", "\u00a0")
+    name = f"{plan.base}{about}" if stuck else plan.base
     bodies = [(*_place_parts(product, upright, name, (plan.base, *stuck)), DOWN)]
     taken = {plan.base, *stuck}
     for step in plan.steps:
