@@ -32,11 +32,11 @@ SQUARE = "G1 X100\nG1 Y100\nG1 X0\nG1 Y0\n"
 START = "G21 G90\nG0 X0 Y0\nG1 Z-1\n"
 
 
-def program(text: str) -> FileContours:
+def program(text: str, name: str = "a.nc", unit: Any = "mm") -> FileContours:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "a.nc"
+        path = Path(folder) / name
         path.write_text(text, "utf-8")
-        return read_contours(path)
+        return read_contours(path, unit)
 
 
 def drawing(draw: Callable[[Drawing], Any], units: int = 4, **keys: Any) -> FileContours:
@@ -117,6 +117,25 @@ class TestMovesAroundAContour:
         assert path.length_m == pytest.approx(0.4)
         assert "2 passes" in path.notes[0]
 
+    @pytest.mark.parametrize(
+        ("first", "last", "leads"),
+        [
+            ("X-20 Y0", "Y0", "lead-in 20.000 mm; 420.000"),
+            ("X0 Y0", "Y-10", "lead-out 10.000 mm; 410.000"),
+            ("X-20 Y0", "Y-10", "lead-in 20.000, lead-out 10.000 mm; 430.000"),
+        ],
+    )
+    def test_a_lead_in_line_with_an_edge_is_no_part_of_it(self, first, last, leads):
+        """Also in two passes, one below the other."""
+        around = f"G1 X100\nY100\nX0\n{last}\n"
+        one = only(program(f"G0 {first}\nG1 Z-1\n{around}"))
+        assert one.closed
+        assert one.length_m == pytest.approx(0.4)
+        assert one.notes == (f"left out: {leads} mm with them",)
+        two = only(program(f"G0 {first}\nG1 Z-1\n{around}G0 Z5\nG0 {first}\nG1 Z-2\n{around}"))
+        assert two.length_m == pytest.approx(0.4)
+        assert "2 passes" in two.notes[-1]
+
     def test_an_eight_with_a_point_at_its_crossing_is_one_contour(self):
         eight = "X10 Y10\nX20 Y0\nX20 Y20\nX10 Y10\nX0 Y20\nX0 Y0\n"
         path = only(program(f"{START}G1 {eight}"))
@@ -164,7 +183,152 @@ class TestMovesThatDoNotCut:
         assert rows.holes == ((0.005, 0), (0.01, 0), (0.015, 0))
 
 
+class TestSubprograms:
+    """A square, in a subprogram of the same file."""
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            f"{START}M98 P2000\nM30\nO2000\n{SQUARE}M99\n",
+            f"{START}M97 P50\nM30\nN50 {SQUARE}M99\n",
+            f"o100 sub\n{SQUARE}o100 endsub\n{START}o100 call\nM2\n",
+        ],
+    )
+    def test_a_call_is_followed(self, text):
+        path = only(program(text))
+        assert path.length_m == pytest.approx(0.4)
+        assert path.notes == ()
+        assert ", called in line " in path.places[0]
+
+    @pytest.mark.parametrize("call", ["P2000 L3", "P0032000"])
+    def test_a_call_may_repeat(self, call):
+        deeper = f"G91 G1 Z-1\nG90\n{SQUARE}M99\n"
+        path = only(program(f"G90\nG0 X0 Y0 Z0\nM98 {call}\nM30\nO2000\n{deeper}"))
+        assert "3 passes at Z -1.000, -2.000, -3.000 mm" in path.notes[0]
+
+    def test_a_program_that_nothing_calls_is_told(self):
+        assert only(program(f"{START}{SQUARE}M30\nO7\nG1 X5\nM99\n")).notes == (
+            "passed over: O7 (line 9), which nothing calls",
+        )
+
+
+# A plate of 400 x 240 mm with corners of 30 mm, and a hole drilled beside it.
+PLATE_MM = 2 * (340 + 180) + math.tau * 30
+SIEMENS = """\
+N10 G71 G90 G17 G54 G64 SOFT
+N20 T="MILL 8" D1
+N30 MSG("plate (outside)") ; AR=3
+N40 MCALL CYCLE81(10,0,2,-20)
+N50 G0 X-40 Y-40
+N60 MCALL
+N70 G0 X200 Y0 Z10
+N80 CONTOUR P2
+N90 M30
+%_N_CONTOUR_SPF
+G91 G1 Z-6 F=200
+G90
+X=370
+G3 X400 Y30 CR=30
+G1 Y=IC(180)
+G3 X370 Y240 I=AC(370) J=AC(210)
+G1 X30
+G3 X0 Y210 I0 J-30
+G1 Y30
+G3 X30 Y0 CR=30
+G1 X200
+M17
+"""
+HEIDENHAIN = """\
+0 BEGIN PGM PLATE MM
+1 BLK FORM 0.1 Z X+0 Y+0 Z-20
+2 TOOL CALL 5 Z S3000
+3 CYCL DEF 200 DRILLING ~
+    Q200=+2 ;SET-UP CLEARANCE ~
+    Q201=-20 ;DEPTH
+4 L X-40 Y-40 R0 FMAX M99
+5 L X+200 Y-20 Z+10 FMAX
+6 CALL LBL 1
+7 CALL LBL 1
+8 M30
+9 LBL 1
+10 L Z-5 F200
+11 APPR LT X+200 Y+0 LEN20 R0
+12 L X+370
+13 CC X+370 Y+30
+14 C X+400 Y+30 DR+
+15 L IY+180
+16 CT X+370 Y+240
+17 L X+30
+18 CR X+0 Y+210 R+30 DR+
+19 L Y+30
+20 CC X+30 Y+30
+21 CP PA+270 DR+
+22 L X+200
+23 DEP LT LEN20
+24 LBL 0
+25 END PGM PLATE MM
+"""
+
+
+class TestOtherControllers:
+    @pytest.mark.parametrize(
+        ("name", "text", "told"),
+        [
+            ("plate.mpf", SIEMENS, "2 passes at Z 4.000, -2.000 mm"),
+            ("plate.h", HEIDENHAIN, "passed over: APPR LT, DEP LT; 2 passes at Z -5.000 mm"),
+        ],
+    )
+    def test_a_plate_with_rounded_corners(self, name, text, told):
+        """Subprogram, steps from the last point, arcs by radius, tangent and angle; a hole."""
+        path = only(program(text, name, unit=None))
+        assert path.closed
+        assert path.length_m * 1e3 == pytest.approx(PLATE_MM)
+        assert path.holes == ((-0.04, -0.04),)
+        assert told in "; ".join(path.notes)
+        assert not path.unit_assumed
+        in_inches = text.replace("G71", "G70").replace("PLATE MM", "PLATE INCH")
+        assert lengths(program(in_inches, name, unit=None)) == [
+            pytest.approx(PLATE_MM * 25.4, abs=1e-3)
+        ]
+
+    def test_an_origin_that_moves_before_the_cut_is_told(self):
+        line = "G71\nTRANS X=10 Y=0\nG0 X=0 Y=0\nG1 X=50\n"
+        assert only(program(line, "a.mpf")).notes == ("passed over: TRANS X=10 Y=0",)
+
+    @pytest.mark.parametrize(
+        ("name", "line", "message"),
+        [
+            ("a.mpf", "ROT Z=30", "line 3: 'ROT Z=30' turns the plane; write the moves out."),
+            ("a.mpf", "G1 X=R1", "line 3: 'G1 X=R1' is computed by the controller"),
+            ("a.mpf", "R1=5", "line 3: 'R1=5' is computed by the controller"),
+            ("a.mpf", "G1 X10 RND=5", "line 3: RND is not read here; give corners and arcs by"),
+            ("a.mpf", "POCKET3(1,2)", "line 3: It calls POCKET3, which is not in this file."),
+            ("a.mpf", "TRANS X=5\nX20", "line 4: TRANS X=5 in line 3 has moved the origin"),
+            ("a.h", "L X+Q1", "line 4: Cannot read 'X+Q1'; write a letter and a number."),
+            ("a.h", "FN 0: Q1 = +5", "line 4: 'FN 0: Q1 = +5' is computed by the controller"),
+            ("a.h", "C X+5 Y+5 DR+", "line 4: An arc before any CC; give its centre."),
+            ("a.h", "CALL LBL 7", "line 4: It calls LBL 7, which is not in this file"),
+            ("a.h", "CYCL DEF 10.1 ROT+30", "line 4: 'CYCL DEF 10.1 ROT+30' turns the plane"),
+            ("a.h", "CYCL DEF 251 POCKET\nCYCL CALL", "line 5: Cycle 251 mills what the"),
+        ],
+    )
+    def test_lines_that_only_the_controller_can_compute_are_refused(self, name, line, message):
+        start = (
+            "G0 X0 Y0\nG1 X5\n" if name == "a.mpf" else "BEGIN PGM A MM\nL X+0 Y+0 FMAX\nL X+5 F9\n"
+        )
+        with pytest.raises(TrajectoryFileError) as refusal:
+            program(f"{start}{line}\n", name)
+        assert f"{refusal.value.place}: {refusal.value.message}".startswith(message)
+
+
 class TestWords:
+    def test_without_a_unit_millimetres_are_assumed_and_told_once(self):
+        line = "G0 X0 Y0\nG1 X10\n"
+        assert only(program(line, unit=None)).notes == (
+            "lengths are read in mm, as there is no G20 or G21",
+        )
+        assert only(program(f"G21 {line}", unit=None)).notes == ()
+
     def test_words_without_motion_are_passed_over_and_listed_once(self):
         idle = "G15 G69 G97 M48\nG0 A0\n/M8\nG5.1 Q1\nM107\nM107\n$H\nM117 done at 100%\n"
         path = only(program(idle + START + SQUARE))
@@ -294,6 +458,19 @@ class TestWhatALengthDoesNotDependOn:
 
 
 class TestDrawings:
+    def test_a_width_and_a_curve_by_fit_points_are_told(self):
+        def draw(document: Drawing) -> None:
+            space = document.modelspace()
+            wide = [(0, 0, 3, 5), (50, 0, 0, 0), (50, 40, 0, 0)]
+            space.add_lwpolyline(wide, format="xyse")
+            space.add_spline(fit_points=[(50, 40), (20, 60), (0, 0)])
+
+        assert only(drawing(draw)).notes == (
+            "1 polyline up to 5.000 mm wide: its centre line is read",
+            "1 spline without control points: a cubic through the fit points is read, from which "
+            "the CAD's own curve may differ",
+        )
+
     def test_blocks_are_exploded_with_their_bulges(self):
         """Turned, scaled, nested and mirrored; the entities of layer 0 take the block's layer."""
 

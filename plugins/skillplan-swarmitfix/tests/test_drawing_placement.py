@@ -211,3 +211,15 @@ class TestTheOverview:
         assert shown.lines == (
             "trajectory closed, 2.5620 m long, 3 segments, x 0.750 to 1.750 m, y 0.600 to 1.200 m",
         )
+
+
+def test_a_drawing_in_coordinates_of_a_map_is_put_at_the_origin(tmp_path):
+    """Beyond the reach of offset_m; told with the corner."""
+    far = [(x + 4512345.678, y - 398765.432) for x, y in TRIANGLE]
+    problem = loaded(tmp_path, drawn(tmp_path, far, METRES, 1.0), "offset_m: [0.75, 0.6]")
+    assert corners_of(problem) == [pytest.approx(corner, abs=1e-8) for corner in TRIANGLE]
+    config: Any = problem.config
+    assert config.trajectory.notes == (
+        "the origin lies over 1000 m away; instead the lower left corner is taken, "
+        "[4512346.428, -398764.832] m",
+    )

@@ -68,6 +68,14 @@ class FileContours:
             holes=tuple(point(hole) for hole in self.holes),
         )
 
+    @property
+    def box_m(self) -> tuple[float, float, float, float]:
+        """The rectangle about all contours: x low, y low, x high, y high [m]."""
+        boxes = np.array([_box(contour) for contour in self.contours])
+        x0, y0 = boxes[:, :2].min(axis=0).tolist()
+        x1, y1 = boxes[:, 2:].max(axis=0).tolist()
+        return x0, y0, x1, y1
+
     def choose(self, choice: Choice = None) -> TrajectoryPath:
         """Return the contour that is meant, with all notes.
 

@@ -49,10 +49,9 @@ from skillplan_swarmitfix.trajectory.path_elements import (
     arc_or_line,
 )
 from skillplan_swarmitfix.trajectory.plane_point import (
-    MAX_COORDINATE_M,
+    MOST_READ_M,
     SAME_POINT_M,
     Point2,
-    on_any_bench,
 )
 from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 from skillplan_swarmitfix.trajectory.workpiece import CORNER_RAD
@@ -95,6 +94,8 @@ class EntityReader:
         self._name = ""
         self.heights_m: set[float] = set()
         self.merged = 0
+        self.fitted = 0
+        self._widths: list[float] = []
 
     def piece(self, entity: DXFGraphic) -> Piece:
         """Return the elements of one entity.
@@ -120,6 +121,8 @@ class EntityReader:
                 return self._circular(entity)
             case LWPolyline():
                 sense = self._sense(entity)
+                widths = (max(pair) for pair in entity.get_points("se"))
+                self._widths.append(max(widths, default=0.0) or entity.dxf.get("const_width", 0.0))
                 return self._bulged(
                     list(entity.vertices_in_wcs()),
                     [sense * float(bulge) for (bulge,) in entity.get_points("b")],
@@ -127,6 +130,10 @@ class EntityReader:
                 )
             case Polyline() if not entity.dxf.flags & _MESH_FLAGS:
                 sense = self._sense(entity)
+                keys = ("start_width", "end_width")
+                widths = (vertex.dxf.get(key, 0.0) for vertex in entity.vertices for key in keys)
+                default = max(entity.dxf.get(f"default_{key}", 0.0) for key in keys)
+                self._widths.append(max(*widths, default))
                 corners = [
                     (point, vertex.dxf.get("bulge", 0.0))
                     for point, vertex in zip(entity.points_in_wcs(), entity.vertices, strict=True)
@@ -141,6 +148,28 @@ class EntityReader:
                 return self._flattened(entity)
             case _:
                 raise _PassedOver(one_line(entity.dxftype(), 40))
+
+    def list_notes(self) -> list[str]:
+        """Return notes about everything that was read with a loss, a clause each."""
+        notes = []
+        if self.merged:
+            notes.append(merged_note(self.merged))
+        wide = [width for width in self._widths if width * self._unit_m > SAME_POINT_M]
+        if wide:
+            most = millimetres(max(wide) * self._unit_m)
+            which = "its centre line is" if len(wide) == 1 else "their centre lines are"
+            notes.append(f"{count(len(wide), 'polyline')} up to {most} mm wide: {which} read")
+        if self.fitted:
+            notes.append(
+                f"{count(self.fitted, 'spline')} without control points: a cubic through the fit "
+                "points is read, from which the CAD's own curve may differ"
+            )
+        if len(self.heights_m) > 1:
+            notes.append(
+                f"drawn at z from {millimetres(min(self.heights_m))} to "
+                f"{millimetres(max(self.heights_m))} mm, flattened"
+            )
+        return notes
 
     def _circular(self, entity: Circle) -> Piece:
         self._sense(entity)
@@ -202,6 +231,7 @@ class EntityReader:
                     f"It has {len(given)} control points; give 2 to {_MOST_CONTROL_POINTS}."
                 )
             self._points(given)
+            self.fitted += not len(entity.control_points)
             curve = entity.construction_tool()
             tolerance = CURVE_TOLERANCE_M / self._unit_m
             drawn = (
@@ -237,8 +267,8 @@ class EntityReader:
         height_m: float | None = None
         for corner in corners:
             x, y, z = (coordinate * self._unit_m for coordinate in corner)
-            if not on_any_bench((x, y)):
-                raise self._fault(f"It leaves every bench; keep within {MAX_COORDINATE_M:g} m.")
+            if not (abs(x) <= MOST_READ_M and abs(y) <= MOST_READ_M):
+                raise self._fault(f"It leaves every bench; keep within {MOST_READ_M:g} m.")
             height_m = z if height_m is None else height_m
             if not abs(z - height_m) <= SAME_POINT_M:
                 raise _PassedOver(f"{self._name.split()[0]} that leaves its plane")
@@ -485,13 +515,7 @@ def _contours(
             "draw one polyline, or lines and arcs that meet."
         )
         raise TrajectoryFileError(path, message)
-    if reader.merged:
-        notes.append(merged_note(reader.merged))
-    if len(reader.heights_m) > 1:
-        notes.append(
-            f"drawn at z from {millimetres(min(reader.heights_m))} to "
-            f"{millimetres(max(reader.heights_m))} mm, flattened"
-        )
+    notes += reader.list_notes()
     if expander.exploded:
         notes.append(f"{count(expander.exploded, 'block')} exploded")
     contours: list[TrajectoryPath] = []

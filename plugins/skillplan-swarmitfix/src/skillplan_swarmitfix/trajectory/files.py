@@ -19,7 +19,7 @@ from skillplan_swarmitfix.trajectory.path import (
 )
 from skillplan_swarmitfix.trajectory.path_elements import Element, Line
 from skillplan_swarmitfix.trajectory.plane_point import (
-    MAX_COORDINATE_M,
+    MOST_READ_M,
     SAME_POINT_M,
     Point2,
 )
@@ -38,7 +38,10 @@ __all__ = [
 MAX_BYTES = 8 * 1024 * 1024
 """Greatest size of a file."""
 
-GCODE_SUFFIXES = (".nc", ".gcode", ".ngc", ".tap")
+GCODE_SUFFIXES = (
+    *(".nc", ".gcode", ".ngc", ".tap", ".cnc", ".gc", ".g", ".eia", ".iso", ".din"),
+    *(".mpf", ".spf", ".h", ".i"),
+)
 SUFFIXES = (".dxf", ".csv", *GCODE_SUFFIXES)
 
 _HEADERS = {"x_m,y_m": 1.0, "x_mm,y_mm": 1e-3}
@@ -207,10 +210,10 @@ def _unit_of_header(path: Path, header: str, place: str, unit: UnitName | None) 
 
 def _number(path: Path, cell: str, place: str) -> float:
     value = float(cell) if _NUMBER.fullmatch(cell) else math.nan
-    if not abs(value) <= MAX_COORDINATE_M:
+    if not abs(value) <= MOST_READ_M:
         message = (
             f"{one_line(cell, 40)!r} is not a coordinate; write a number such as 0.34, "
-            f"within {MAX_COORDINATE_M:g}."
+            f"within {MOST_READ_M:g}."
         )
         raise TrajectoryFileError(path, message, place)
     return value

@@ -28,26 +28,24 @@ from skillplan_swarmitfix.trajectory.path import (
     millimetres,
     one_line,
 )
-from skillplan_swarmitfix.trajectory.path_elements import Arc, Line, arc_or_line
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Line, arc_or_line, end_directions
 from skillplan_swarmitfix.trajectory.plane_point import (
     MAX_COORDINATE_M,
     SAME_POINT_M,
     Point2,
 )
+from skillplan_swarmitfix.trajectory.program_lines import ProgramLines
 from skillplan_swarmitfix.trajectory.tool_path import Feed, find_contours
 from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 
 MOST_FEEDS = 100_000
 """Most feed moves, and most drilled holes, of a program."""
 
-_WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))", re.ASCII)
-_BRACKET = re.compile(r"[()]")
-_BLANK = re.compile(r";.*|\s")
+_WORD = re.compile(r"([A-Z])([~^]?)([+-]?(?:\d+\.?\d*|\.\d+))", re.ASCII)
 _HOMING = re.compile(r"(G0*(?:28|30)(?:\.1)?(?![.\d]).*)", re.ASCII)
 _BARE_AXIS = re.compile(r"([XYZ])(?![-+.\d])", re.ASCII)
 _MESSAGE = re.compile(r"M11[78](?!\d).*", re.ASCII)
 _FLOW = re.compile(r"O(?:<[^>]*>|\d+)(?:SUB|END|CALL|IF|ELSE|DO|WHILE|REPEAT|RETURN|BREAK|CONT)")
-_LINE_END = re.compile(r"\r\n|\r|\n")
 _MOTIONS = ("0", "1", "2", "3")
 _USUAL_G = frozenset(("4", "40", "43", "49", "54", "61", "64", "80", "94", "98", "99"))
 _IDLE_G = frozenset(
@@ -71,14 +69,32 @@ _IDLE_G = frozenset(
         "30.1",
         "92.2",
         "92.3",
+        "60",
+        "450",
+        "451",
+        "601",
+        "602",
+        "603",
+        "641",
+        "642",
+        "643",
+        "644",
+        "645",
     ]
 )
 _CYCLES = frozenset(["73", "74", "81", "82", "83", "84", "85", "86", "87", "88", "89"])
-_ORIGINS = frozenset(["54", "55", "56", "57", "58", "59", "59.1", "59.2", "59.3"])
+_UNITS_G: Mapping[str, UnitName] = {
+    **dict.fromkeys(("20", "70", "700"), "in"),
+    **dict.fromkeys(("21", "71", "710"), "mm"),
+}
+"""Codes of units; G70 and G71 with P or Q are cycles of lathes."""
+_ORIGINS = frozenset(
+    ["54", "55", "56", "57", "58", "59", "59.1", "59.2", "59.3", *map(str, range(500, 600))]
+)
 _COMPENSATION = frozenset(("41", "41.1", "42", "42.1"))
 _OF_THE_MACHINE = frozenset(("28", "30", "53"))
 _USUAL_M = frozenset(("0", "1", "3", "4", "5", "6", "7", "8", "9"))
-_END_M = frozenset(("2", "30", "99"))
+_END_M = frozenset(("2", "30"))
 _ELSEWHERE_M = frozenset(("72", "96", "97", "98"))
 _PLACING = "XYIJR"
 _TURNING_AXES = "ABCUVWE"
@@ -108,16 +124,19 @@ def read_program(path: Path, text: str, unit: UnitName | None = None) -> FileCon
         With the line that cannot be read or placed, or if the program has no feed move.
     """
     machine = _Machine(path, unit)
-    lines = _LINE_END.split(text)
+    lines = ProgramLines(path, text, machine)
     progress = Progress(path)
-    for number, line in enumerate(lines, 1):
-        machine.place = f"line {number}"
-        machine.run(line)
+    for number, code in lines.run():
+        machine.run(code)
         if number % _REPORTED == 0:
             progress.report(number, len(lines), "line")
         if machine.ended:
             break
+    is_unit_assumed = unit is None and not machine.unit_said
     feeds, notes = _cutting(machine)
+    if is_unit_assumed:
+        codes = "G70 or G71" if lines.dialect == "siemens" else "G20 or G21"
+        notes.append(f"lengths are read in mm, as there is no {codes}")
     if not feeds:
         drilled = f"drills {count(len(machine.holes), 'hole')} and " if machine.holes else ""
         raise TrajectoryFileError(
@@ -129,9 +148,9 @@ def read_program(path: Path, text: str, unit: UnitName | None = None) -> FileCon
     return FileContours(
         path,
         contours,
-        (*machine.list_notes(), *notes),
+        (*machine.list_notes(), *notes, *lines.list_notes()),
         tuple(machine.holes),
-        unit is None and not machine.unit_said,
+        is_unit_assumed,
     )
 
 
@@ -150,6 +169,8 @@ class _Machine:
         self.unit_said = False
         self._unit_m = UNITS_M[unit or DEFAULT_UNIT]
         self._absolute = True
+        # X~5 counts from the position and I^5 from the zero, whatever the modes are.
+        self._absolute_words: dict[str, bool] = {}
         self._absolute_centres = False
         self._plane = "17"
         self._motion: str | None = None
@@ -168,9 +189,9 @@ class _Machine:
         self._compensated = ""
         self._assumed_start = ""
 
-    def run(self, line: str) -> None:
-        """Execute one line."""
-        words, gs, ms = self._words(line)
+    def run(self, code: str) -> None:
+        """Execute one line, in capitals and without comments and blanks."""
+        words, gs, ms = self._words(code)
         self._set_modes(words, gs)
         self._set_tool(words, ms)
         if "10" in gs or "92" in gs or not _OF_THE_MACHINE.isdisjoint(gs):
@@ -185,6 +206,28 @@ class _Machine:
                 self._refuse("G4 with a position; give a dwell as P, in a line of its own.")
             self._move(words)
         self.ended = not _END_M.isdisjoint(ms)
+
+    def position(self) -> Point2 | None:
+        """Return X and Y as the program writes them; None if they are unknown."""
+        if self._is_lost(self._at):
+            return None
+        return self._at["X"] / self._unit_m, self._at["Y"] / self._unit_m
+
+    def direction_rad(self) -> float | None:
+        """Return the direction in which the last feed move ended; None before the first."""
+        if not self.feeds:
+            return None
+        return end_directions(self.feeds[-1].start, self.feeds[-1].element)[1]
+
+    def pass_over(self, code: str) -> None:
+        """Note a code that is passed over."""
+        self._idle[code] = None
+
+    def shift_origin(self, code: str) -> None:
+        """Note a code that moves the origin, which no feed move before it may have used."""
+        self._idle[code] = None
+        if self.feeds:
+            self._origin_moved = f"{code} in {self.place}"
 
     def list_notes(self) -> list[str]:
         """Return everything that was assumed or passed over, a clause each."""
@@ -212,12 +255,11 @@ class _Machine:
             notes.append(f"passed over: {', '.join(names[:_MOST_NAMED])}{more}")
         return notes
 
-    def _words(self, line: str) -> tuple[dict[str, float], list[str], list[str]]:
+    def _words(self, code: str) -> tuple[dict[str, float], list[str], list[str]]:
         """Return the values of a line's words, and its G and M codes."""
-        code = _BLANK.sub("", _without_comments(line)).upper()
         if _HOMING.search(code):
             code = _BARE_AXIS.sub(r"\g<1>0", code)
-        if code.startswith(("%", "$")):
+        if code.startswith(("%", "$", ":")):
             code = ""
         if code.startswith("/"):
             code = code.lstrip("/0123456789") if code[1:2].isdigit() else code.lstrip("/")
@@ -229,6 +271,7 @@ class _Machine:
                 "CAM does without macros."
             )
         words: dict[str, float] = {}
+        self._absolute_words = {}
         codes: dict[str, list[str]] = {"G": [], "M": []}
         position = 0
         while position < len(code):
@@ -238,7 +281,7 @@ class _Machine:
                     f"Cannot read {one_line(code[position:], 20)!r}; "
                     "write words of a letter and a number, such as X12.5."
                 )
-            letter, number = match.groups()
+            letter, mark, number = match.groups()
             position = match.end()
             if letter in codes:
                 codes[letter].append(f"{float(number):g}")
@@ -252,6 +295,8 @@ class _Machine:
             if letter in words and letter in "XYZIJKR":
                 self._refuse(f"{letter} twice in one line; write two lines.")
             words[letter] = float(number)
+            if mark:
+                self._absolute_words[letter] = mark == "^"
         return words, codes["G"], codes["M"]
 
     def _set_modes(self, words: Mapping[str, float], gs: Sequence[str]) -> None:
@@ -259,8 +304,8 @@ class _Machine:
         if len(motions) > 1:
             self._refuse(f"G{motions[0]} and G{motions[1]} in one line; write two lines.")
         for g in gs:
-            if g in ("20", "21"):
-                self._unit_m = UNITS_M["in" if g == "20" else "mm"]
+            if g in _UNITS_G and not (g in ("70", "71") and ("P" in words or "Q" in words)):
+                self._unit_m = UNITS_M[_UNITS_G[g]]
                 self.unit_said = True
             elif g in ("90", "91"):
                 self._absolute = g == "90"
@@ -319,9 +364,7 @@ class _Machine:
                     self._shift[letter] = there - value
                 self._at[letter] = value
         elif "10" in gs:
-            self._idle["G10"] = None
-            if self.feeds:
-                self._origin_moved = f"G10 in {self.place}"
+            self.shift_origin("G10")
         else:
             code = next(g for g in gs if g in _OF_THE_MACHINE)
             if code == "53" and axes and self._motion not in (None, "0") and axes != ["Z"]:
@@ -350,7 +393,7 @@ class _Machine:
             if letter not in words:
                 continue
             value = words[letter] * self._unit_m
-            if not self._absolute:
+            if not self._absolute_words.get(letter, self._absolute):
                 if letter not in self._at and self._lost and letter != "Z":
                     self._refuse(f"G91 from an unknown position, after {self._lost}; use G90.")
                 value += self._at.get(letter, 0.0)
@@ -489,7 +532,7 @@ class _Machine:
         if "R" not in words:
             if "I" not in words and "J" not in words:
                 self._refuse("An arc without a centre; give it as I and J, or a radius as R.")
-            if self._absolute_centres:
+            if self._absolute_words.get("I", self._absolute_centres):
                 if "I" not in words or "J" not in words:
                     self._refuse("An arc with G90.1 needs both I and J.")
                 x, y = (
@@ -530,22 +573,6 @@ class _Machine:
         raise TrajectoryFileError(self.path, message, self.place)
 
 
-def _without_comments(line: str) -> str:
-    """Return a line without text in brackets, which may be nested, or open up to the line's end."""
-    if "(" not in line:
-        return line
-    kept, depth, begin = [], 0, 0
-    for match in _BRACKET.finditer(line):
-        if match[0] == "(":
-            if depth == 0:
-                kept.append(line[begin : match.start()])
-            depth += 1
-        elif depth:
-            depth -= 1
-            begin = match.end()
-    return "".join(kept) + ("" if depth else line[begin:])
-
-
 def _arcs(start: Point2, end: Point2, centre: Point2, *, clockwise: bool) -> list[Line | Arc]:
     """Return an arc about a centre; a full circle, which ends where it starts, as two halves."""
     first = math.atan2(start[1] - centre[1], start[0] - centre[0])
@@ -568,7 +595,7 @@ def _arcs(start: Point2, end: Point2, centre: Point2, *, clockwise: bool) -> lis
 
 def _cutting(machine: _Machine) -> tuple[list[Feed], list[str]]:
     """Return the feed moves that cut, and notes about the others."""
-    feeds, notes = machine.feeds, list[str]()
+    feeds, notes = list(machine.feeds), list[str]()
     lows = [feed.lowest_m for feed in feeds]
     known = [low for low in lows if low is not None]
     levels = {round(low / JOIN_M) for low in known}

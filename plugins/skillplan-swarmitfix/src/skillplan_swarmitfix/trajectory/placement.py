@@ -14,12 +14,29 @@ from skillplan_swarmitfix.trajectory.plane_point import Point2
 _QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
+FAR_M = 1000.0
+"""A drawing that is farther from its origin has coordinates of a map [m]; `offset_m` ends here."""
+
+
 def placed(contours: FileContours, offset_m: Point2, rotate_deg: float) -> FileContours:
-    """Return contours turned anticlockwise about the origin [deg] and then moved [m]."""
+    """Return contours turned anticlockwise about the origin [deg] and then moved [m].
+
+    The origin of a drawing that lies beyond `FAR_M` from its own is its lower left corner, with a
+    note.
+    """
     cosine, sine = _turn(rotate_deg)
+    x0_m, y0_m, x1_m, y1_m = contours.box_m
+    if max(x0_m, -x1_m, y0_m, -y1_m) > FAR_M:
+        note = (
+            f"the origin lies over {FAR_M:.0f} m away; instead the lower left corner is taken, "
+            f"[{x0_m:.3f}, {y0_m:.3f}] m"
+        )
+        contours = replace(contours, notes=(*contours.notes, note))
+    else:
+        x0_m = y0_m = 0.0
 
     def on_bench(point: Point2) -> Point2:
-        x_m, y_m = point
+        x_m, y_m = point[0] - x0_m, point[1] - y0_m
         return (
             cosine * x_m - sine * y_m + offset_m[0],
             sine * x_m + cosine * y_m + offset_m[1],

@@ -10,6 +10,9 @@ SAME_POINT_M = 1e-6
 MAX_COORDINATE_M = 1e6
 """Greatest absolute value of a coordinate [m]; up to it rounding stays below 1e-9 m."""
 
+MOST_READ_M = 1e8
+"""Greatest absolute value of a coordinate in a file [m], which may be one of a map."""
+
 
 def on_any_bench(point: Point2) -> bool:
     """Return whether both coordinates are finite and within `MAX_COORDINATE_M`."""

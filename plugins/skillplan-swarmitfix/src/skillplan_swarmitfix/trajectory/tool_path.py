@@ -12,7 +12,7 @@ import bisect
 import itertools
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from skillplan_swarmitfix.trajectory.path import (
@@ -35,6 +35,9 @@ MOST_LEAD = 0.5
 """Moves outside loops are leads if they are no longer than this share of the loops."""
 
 _SAME_CURVE_M = 3e-5
+_MOST_LEADS = 3
+"""A lead that is in line with an edge is looked for in so many moves at either end."""
+_PARALLEL = 1e-6
 _GRAIN_M = 1e-3
 _LEAST_LOBE = 0.25
 _SAMPLES = 24
@@ -300,7 +303,7 @@ def find_contours(feeds: Sequence[Feed], progress: Progress) -> list[CutContour]
     alike: dict[tuple[int, ...], list[int]] = {}
     for number, strand in enumerate(strands):
         progress.report(number, len(strands), "cut")
-        for cut in _split(strand):
+        for cut in _split(_with_leads_cut_off(strand)):
             _merge(cuts, alike, cut)
     return cuts
 
@@ -367,6 +370,82 @@ def _walk(strand: Sequence[Feed]) -> tuple[list[_Loop], list[int], list[int]]:
             del position[gone]
         del nodes[begin + 1 :], moves[begin:]
     return loops, moves, nodes
+
+
+def _with_leads_cut_off(strand: Sequence[Feed]) -> Sequence[Feed]:
+    """Return a strand in which a lead that runs on as an edge of the contour is a move of its own.
+
+    A tool that enters in line with the first edge makes one move of both, and then the contour ends
+    within that move. It may leave in line with the last edge, too. A strand is left as it is unless
+    that makes it one contour, with leads that are short enough.
+    """
+    before_m = sum(strand[i].length_m for i in _walk(strand)[1])
+    if len(strand) < 3 or before_m <= JOIN_M:
+        return strand
+    cut = next(_cut_strands(strand), None)
+    if cut is None:
+        return strand
+    loops, outside, _ = _walk(cut)
+    contours = _grouped([loop for loop in loops if not loop.curve.is_retraced])
+    leads_m = sum(cut[i].length_m for i in outside)
+    is_one = len(contours) == 1 and leads_m <= MOST_LEAD * contours[0][0].curve.length_m
+    return cut if is_one and leads_m < before_m - JOIN_M else strand
+
+
+def _cut_strands(strand: Sequence[Feed]) -> Iterator[list[Feed]]:
+    """Yield a strand with one of its first or last moves cut where the others meet it."""
+    last = len(strand) - 1
+    ends, starts = [feed.end for feed in strand], [feed.start for feed in strand]
+    first_moves = ((i, ends[:i:-1]) for i in range(min(_MOST_LEADS, last)))
+    last_moves = ((i, starts[:i]) for i in range(last, max(last - _MOST_LEADS, 0), -1))
+    for i, points in itertools.chain(first_moves, last_moves):
+        parts = _cut_at(strand[i], points)
+        if parts:
+            yield [*strand[:i], *parts, *strand[i + 1 :]]
+    crossing = _crossing(strand[0], strand[-1])
+    if crossing is not None:
+        head, tail = (_cut_at(strand[i], [crossing]) or [strand[i]] for i in (0, -1))
+        yield [*head, *strand[1:-1], *tail]
+
+
+def _cut_at(feed: Feed, points: Sequence[Point2]) -> list[Feed]:
+    """Return both parts of a move, cut at the first of the points within it; none without one."""
+    for point in points:
+        share = _share_of(feed, point)
+        if min(share, 1 - share) * feed.length_m <= JOIN_M:
+            continue
+        if math.dist(find_point(feed.start, feed.element, share), point) <= JOIN_M:
+            break
+    else:
+        return []
+    low, high = feed.heights_m
+    middle = None if low is None or high is None else low + share * (high - low)
+    if isinstance(feed.element, Line):
+        parts: list[Line | Arc] = [Line(point), feed.element]
+    else:
+        halves = (share / 2, (1 + share) / 2)
+        first, second = (find_point(feed.start, feed.element, half) for half in halves)
+        parts = [Arc(point, first), Arc(feed.end, second)]
+    return [
+        Feed(feed.start, parts[0], feed.place, (low, middle)),
+        Feed(point, parts[1], feed.place, (middle, high)),
+    ]
+
+
+def _crossing(first: Feed, other: Feed) -> Point2 | None:
+    """Return the point at which two straight moves cross; None if they do not."""
+    if not (isinstance(first.element, Line) and isinstance(other.element, Line)):
+        return None
+    (ax, ay), (bx, by) = first.start, first.end
+    (cx, cy), (dx, dy) = other.start, other.end
+    slope = (bx - ax) * (dy - cy) - (by - ay) * (dx - cx)
+    if abs(slope) <= _PARALLEL * first.length_m * other.length_m:
+        return None
+    share = ((cx - ax) * (dy - cy) - (cy - ay) * (dx - cx)) / slope
+    along = ((cx - ax) * (by - ay) - (cy - ay) * (bx - ax)) / slope
+    if not (0 < share < 1 and 0 < along < 1):
+        return None
+    return ax + share * (bx - ax), ay + share * (by - ay)
 
 
 def _split(strand: Sequence[Feed]) -> list[CutContour]:
