@@ -5,6 +5,8 @@ from .build_relation import find_joints as find_joints
 from .importing.findings import Confirmation as Confirmation
 from .importing.planned import choose_attitude as choose_attitude
 from .importing.planned import list_attitude_warnings as list_attitude_warnings
+from .joints.fastener_names import recognise_kind as recognise_kind
+from .joints.fasteners_of import FastenerOptions as FastenerOptions
 from .joints.fits import FitOptions as FitOptions
 from .joints.fits import compute_allowance_m as compute_allowance_m
 from .joints.fits import relieve_fits as relieve_fits
@@ -67,6 +69,7 @@ __all__ = [
     "Contact",
     "Face",
     "Fastener",
+    "FastenerOptions",
     "FitOptions",
     "Instance",
     "Item",
@@ -114,6 +117,7 @@ __all__ = [
     "read_in_process",
     "read_product",
     "read_relation",
+    "recognise_kind",
     "relieve_fits",
     "replay",
     "shrink_mesh",

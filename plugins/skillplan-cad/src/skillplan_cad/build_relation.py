@@ -12,7 +12,7 @@ from skillplan_cad.blocking.all_pairs import BlockingTest, compute_answers, merg
 from skillplan_cad.joints.contacts_of import find_contacts
 from skillplan_cad.joints.cylinder_fits import find_cylinder_fits
 from skillplan_cad.joints.directions import Source, choose_directions
-from skillplan_cad.joints.fasteners_of import find_fasteners
+from skillplan_cad.joints.fasteners_of import FastenerOptions, find_fasteners
 from skillplan_cad.joints.fits import FitOptions, classify_overlaps
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import (
@@ -31,11 +31,18 @@ _ALONG = 0.999
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """Contacts and fasteners of a product, and the directions of motion."""
+    """Contacts and fasteners of a product, and the directions of motion.
+
+    Parameters
+    ----------
+    notes
+        Parts that are named like fasteners and are none, one sentence each.
+    """
 
     contacts: tuple[Contact, ...]
     fasteners: tuple[Fastener, ...]
     directions: tuple[Vector, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,16 +59,18 @@ def find_joints(
     source: Source,
     threads: Threads,
     options: FitOptions | None = None,
+    declared: FastenerOptions | None = None,
 ) -> Joints:
     """Return contacts, fasteners and directions of a product."""
     test = BlockingTest(product, tolerance_m)
     fits = find_cylinder_fits(product)
     contacts = find_contacts(product, test, fits, tolerance_m)
-    fasteners = find_fasteners(product, fits, contacts, tolerance_m)
+    recognised = find_fasteners(product, test, contacts, tolerance_m, declared)
+    fasteners = recognised.fasteners
     directions = choose_directions(source, fits, fasteners, contacts)
     named = _mark_threads(contacts, fasteners, threads, tolerance_m)
     contacts = classify_overlaps(product, named, fits, options or FitOptions())
-    return Joints(contacts, fasteners, directions)
+    return Joints(contacts, fasteners, directions, recognised.notes)
 
 
 def find_blocked(

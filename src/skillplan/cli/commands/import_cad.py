@@ -154,6 +154,25 @@ def command(
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
+    fastener: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fastener",
+            metavar="PATTERN",
+            help="Take the parts whose name fits PATTERN as fasteners: nuts and washers if they "
+            "have a bore, otherwise screws, unless their name says what they are. Repeatable.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    not_fastener: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--not-fastener",
+            metavar="PATTERN",
+            help="Take the parts whose name fits PATTERN as ordinary parts. Repeatable.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
     thickness: Annotated[
         float | None,
         typer.Option(
@@ -260,6 +279,8 @@ def command(
             "thickness_mm": thickness,
             "fit_allowance_mm": fit_allowance,
             "press_fit": press_fit,
+            "fastener": fastener,
+            "not_fastener": not_fastener,
             "leave_out": leave_out,
             "only": only,
             "as_one": as_one,

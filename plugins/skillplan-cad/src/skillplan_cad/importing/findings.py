@@ -160,6 +160,7 @@ def restore_joints(content: bytes) -> Joints:
         tuple(contacts),
         tuple(Fastener(**_convert_to_tuples(fastener)) for fastener in document["fasteners"]),
         tuple(_convert_to_tuple(direction) for direction in document["directions"]),
+        tuple(document["notes"]),
     )
 
 
@@ -277,7 +278,7 @@ def restore_product(content: bytes) -> Product:
 
 _MOST_BYTES = 1 << 30
 # Raised whenever the same file is read as other parts.
-_FORMAT = 2
+_FORMAT = 3
 _HASH_BYTES = 32
 
 
@@ -379,7 +380,8 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
     )
     product = restore_product(content)
     _refuse_fine(path, product, tolerance_m)
-    options = settings.resolve_fits([part.name for part in product])
+    names = [part.name for part in product]
+    options, declared = settings.resolve_fits(names), settings.resolve_fasteners(names)
     about: dict[str, Any] = {"product": read_hash, "tolerance_m": tolerance_m}
     content, _ = stages.run(
         "joints",
@@ -388,10 +390,13 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
             "source": settings.directions,
             "threads": settings.threads,
             "fits": asdict(options),
+            "fasteners": asdict(declared),
             "format": _FORMAT,
         },
         lambda: serialize_joints(
-            find_joints(product, tolerance_m, settings.directions, settings.threads, options)
+            find_joints(
+                product, tolerance_m, settings.directions, settings.threads, options, declared
+            )
         ),
     )
     joints = restore_joints(content)

@@ -42,7 +42,7 @@ def build_report(
         "tolerance_mm": settings.tolerance_mm,
         "directions": settings.directions,
         "threads": settings.threads,
-        "notes": list(product.notes),
+        "notes": [*product.notes, *findings.joints.notes],
         "warnings": list(product.warnings),
         "parts": [
             {
@@ -220,7 +220,7 @@ def import_cad(
         **plan.files,
     }
     write(folder, files)
-    lines = (*_list_findings(product, relation), *plan.lines)
+    lines = (*_list_findings(product, relation), *findings.joints.notes, *plan.lines)
     messages = (*list_warnings(findings), *plan.warnings)
     return Imported(document, lines, messages, plan.complete)
 

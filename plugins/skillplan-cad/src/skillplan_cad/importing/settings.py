@@ -10,9 +10,10 @@ from skillplan.errors import OptionError, name_hint
 from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan_cad.build_relation import Threads
 from skillplan_cad.joints.directions import Source
+from skillplan_cad.joints.fasteners_of import FastenerOptions
 from skillplan_cad.joints.fits import FitOptions
 from skillplan_cad.reading.mesh_folder import resolve_unit_m
-from skillplan_cad.reading.product_reader import STEEL_KG_M3, ReadOptions
+from skillplan_cad.reading.product_reader import STEEL_KG_M3, ReadOptions, fits_pattern
 
 _LEAST_MM, _MOST_MM = 0.001, 10.0
 
@@ -45,6 +46,8 @@ class ImportSettings:
         Greatest depth of an overlap that is a fit, on each side; None for ISO 286.
     press_fit
         Pairs of part names, as ``A,B``, that are fits of any depth.
+    fastener, not_fastener
+        Patterns of names of parts that are screws, nuts, washers or pins, and that are none.
     density_kg_m3
         Density of all parts, 1 to 30,000.
     keep
@@ -66,6 +69,8 @@ class ImportSettings:
     as_one: tuple[str, ...] = ()
     fit_allowance_mm: float | None = None
     press_fit: tuple[str, ...] = ()
+    fastener: tuple[str, ...] = ()
+    not_fastener: tuple[str, ...] = ()
     density_kg_m3: float = STEEL_KG_M3
     jobs: int = 1
     keep: bool = True
@@ -116,6 +121,35 @@ class ImportSettings:
             pairs.append((first, second))
         allowance = self.fit_allowance_mm
         return FitOptions(None if allowance is None else allowance / 1000, tuple(pairs))
+
+    def resolve_fasteners(self, names: Sequence[str]) -> FastenerOptions:
+        """Return the parts that are declared as fasteners, and as none.
+
+        Raises
+        ------
+        OptionError
+            If a pattern fits no part, or a part fits patterns of both options.
+        """
+        chosen: dict[str, list[str]] = {}
+        for option, patterns in (
+            ("--fastener", self.fastener),
+            ("--not-fastener", self.not_fastener),
+        ):
+            chosen[option] = []
+            for pattern in patterns:
+                fitting = [name for name in names if fits_pattern(name, pattern)]
+                if not fitting:
+                    raise OptionError(
+                        f"{option} {pattern}: no part has such a name. {name_hint(pattern, names)}"
+                    )
+                chosen[option] += fitting
+        fasteners, others = (tuple(dict.fromkeys(parts)) for parts in chosen.values())
+        both = [name for name in fasteners if name in others]
+        if both:
+            raise OptionError(
+                f"{both[0]} is named by --fastener and by --not-fastener. Drop one of them."
+            )
+        return FastenerOptions(fasteners, others)
 
     @property
     def reading(self) -> ReadOptions:

@@ -6,7 +6,6 @@ ISO 3601-2 (squeeze of O-rings).
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
+from skillplan_cad.joints.fastener_names import is_seal_name
 from skillplan_cad.product import Face, Part, Points, Product, make_solid
 from skillplan_cad.reading.surface_fit import fit_faces
 from skillplan_cad.relation import Contact, Fit, FitKind
@@ -52,9 +52,6 @@ _IT6_UM = (
 )
 # Largest squeeze of a seal, as a share of its section.
 _SQUEEZE = 0.3
-_SEAL = re.compile(
-    r"(?<![a-z])(o[ _-]?rings?|seals?|gaskets?|dichtung(en|sring)?|simmerring|packing)(?![a-z])"
-)
 # Overlap that a press fit explains, as a share of its own volume.
 _EXPLAINED = 1.25
 # Smallest depth that is no rounding error, in metres and in radii.
@@ -128,7 +125,7 @@ def _find_fit(
     allowed_m = options.allowance_m
     if allowed_m is None:
         allowed_m = compute_allowance_m(diameter_m)
-        if any(_SEAL.search(part.name.lower()) for part in parts):
+        if any(is_seal_name(part.name) for part in parts):
             kind, allowed_m = "seal", max(allowed_m, _SQUEEZE * section_m)
     if contact.kind == "thread":
         return Fit("thread", depth_m, depth_m, volume_m3)
