@@ -216,8 +216,8 @@ class TestParts:
         command, *rest = words
         refusal = cli(command, POLYGONAL, *rest).refusal
         assert (
-            f"skillplan: error: {POLYGONAL}: describes 17 tasks in a chain; name one by --part: "
-            "goals, base-1, base-2, base-3, ..., base-14, base-15, base-16.\n"
+            f"skillplan: error: {POLYGONAL}: describes 17 tasks in a chain; name one by --part, "
+            "in Python by `part`: goals, base-1, base-2, base-3, ..., base-14, base-15, base-16.\n"
         ) == refusal
 
     def test_an_unknown_part_is_told_with_the_nearest(self, cli, goals):

@@ -71,6 +71,15 @@ def test_a_whole_file_needs_no_assumption():
             "limits beyond 1,000,000 rad of joint_3: none, as of a continuous joint",
         ),
         (
+            urdf({3: joint(3, kind="prismatic", limits='lower="-inf" upper="1"')}),
+            "travel without an end of joint_3: 5 m to that side are assumed",
+        ),
+        (
+            urdf().replace('effort="100"', 'effort="inf"'),
+            "no effort of joint_1 (infinite), joint_2",
+        ),
+        (urdf({3: joint(3).replace('"2.0"', '"inf"')}), "no speed of joint_3 (infinite): "),
+        (
             urdf(more=finger("bar", '<mimic joint="joint_2"/>', "link_1")),
             "shapes that follow a joint of the chain, bar: left out",
         ),

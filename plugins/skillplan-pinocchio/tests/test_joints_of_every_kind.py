@@ -1,5 +1,7 @@
 """Arms with strokes, missing joints and followers: the same kinematics, checks and plans."""
 
+import math
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.pipeline import Setup, load_problem, solve
-from skillplan.robots import compute_link_frames, read_urdf
+from skillplan.robots import STANDARD_HAND, compute_link_frames, read_urdf
 from skillplan.task import Pose
 from skillplan_pinocchio import (
     ArmBodies,
@@ -57,6 +59,28 @@ def scara():
         '<origin xyz="0 0 -0.15" rpy="3.141592653589793 0 0"/></joint></robot>'
     )
     return text
+
+
+def arm_without_roll(wrist_rad):
+    """Return an arm of a turn and three nods, the last one of `wrist_rad` at most either way."""
+    joints = [
+        ("z", "0 0 0.2", 3),
+        ("y", "0 0 0.1", 3),
+        ("y", "0.3 0 0", 3),
+        ("y", "0.3 0 0", wrist_rad),
+    ]
+    text = "<robot name='no roll'><link name='l0'/>"
+    for n, (axis, xyz, most) in enumerate(joints, 1):
+        text += (
+            f'<link name="l{n}"/><joint name="j{n}" type="revolute"><parent link="l{n - 1}"/>'
+            f'<child link="l{n}"/><origin xyz="{xyz}"/><axis xyz="0 {int(axis == "y")} '
+            f'{int(axis == "z")}"/><limit lower="{-most}" upper="{most}" velocity="3"/></joint>'
+        )
+    return text + (
+        '<link name="tool"/><joint name="mount" type="fixed"><parent link="l4"/>'
+        '<child link="tool"/>'
+        '<origin xyz="0 0 -0.1" rpy="3.141592653589793 0 0"/></joint></robot>'
+    )
 
 
 def described(text, tip="tool"):
@@ -157,6 +181,34 @@ def test_a_scara_closes_its_jaws_in_any_direction_and_tilts_in_none():
     beyond = next(iterate_elbows(model, (0.9, 0.0, 0.1), 0.0))
     assert isinstance(beyond, Unreachable)
     assert "no posture within the joints' limits" in beyond.reason
+
+
+@pytest.mark.parametrize(
+    ("wrist_rad", "yaw_rad", "reason"),
+    [
+        (3, 0.3 - math.pi, None),
+        (
+            3,
+            0.5,
+            "the jaws cannot close as they should at (0.382, 0.118, 0.100): they are 11 deg off",
+        ),
+        (
+            0.2,
+            0.3,
+            "straight down at (0.382, 0.118, 0.100): 4 joints move; the nearest posture there",
+        ),
+    ],
+)
+def test_an_arm_without_roll_tells_yaw_tilt_and_place_apart(wrist_rad, yaw_rad, reason):
+    """Half a turn of the jaws does not matter."""
+    arm = described(arm_without_roll(wrist_rad))
+    model = ArmModel(description=arm, hand=STANDARD_HAND)
+    at = (0.4 * math.cos(0.3), 0.4 * math.sin(0.3), 0.1)
+    results = list(iterate_elbows(model, at, yaw_rad + math.pi / 2))
+    if reason is None:
+        assert not isinstance(results[0], Unreachable)
+    else:
+        assert reason in results[-1].reason
 
 
 def write_task(folder):

@@ -158,7 +158,7 @@ class Problem:
         TaskError
             If the file describes a chain.
         """
-        return self.part(None)
+        return self.part(None, by="`Problem.part(NAME)`")
 
     @property
     def is_chain(self) -> bool:
@@ -180,7 +180,7 @@ class Problem:
         located = [self.document.locate(issue) for issue in issues]
         return tuple(TaskError(self.source, located).lines())
 
-    def part(self, name: str | None, *, by: str = "--part") -> Task:
+    def part(self, name: str | None, *, by: str = "--part, in Python by `part`") -> Task:
         """Return a task by name; None for the only one.
 
         Parameters

@@ -142,6 +142,7 @@ MOST_LENGTH_M = 100.0
 
 # Restricted to ASCII; runs in linear time.
 _DECIMAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_INFINITE = re.compile(r"[+-]?inf(?:inity)?", re.IGNORECASE)
 
 
 class UrdfError(Exception):
@@ -241,7 +242,7 @@ def _parse_bounded(element: Element, key: str, text: str | None, most: float) ->
     if abs(value) > most:
         words = f"<{element.tag}> has {value:g} as {key!r}, where {most:,g} is the most"
         if most == MOST_LENGTH_M:
-            words += " [m]: is it in millimetres?"
+            words += " [m]; is the file in millimetres? An origin is in metres"
         raise UrdfError(words, line=element.line)
     return value
 
@@ -255,6 +256,8 @@ ReadMesh = Callable[[str, Triple], Sequence[tuple[Triple, ...]]]
 _SPEEDING_UP_S = 0.25
 # Speeds of joints without one [rad/s] and [m/s].
 _ASSUMED_RAD_PER_S, _ASSUMED_M_PER_S = 1.0, 0.25
+# Travel of a prismatic joint without an end, to that side [m].
+_ASSUMED_TRAVEL_M = 5.0
 # Density of a link whose inertia no body has [kg/m3].
 _ASSUMED_KG_PER_M3 = 1_500.0
 MOST_JOINTS = 8
@@ -503,6 +506,7 @@ class Notes:
     loose: list[str] = field(default_factory=list)
     mimics: list[str] = field(default_factory=list)
     unlimited: list[str] = field(default_factory=list)
+    endless: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
     def sentences(self) -> tuple[str, ...]:
@@ -531,6 +535,10 @@ class Notes:
             (self.loose, "joints between base and tip stand still at 0: {}"),
             (self.strays, "links that no joint leads to from the base, {}: left out"),
             (self.mimics, "<mimic> of {}: passed over"),
+            (
+                self.endless,
+                f"travel without an end of {{}}: {_ASSUMED_TRAVEL_M:g} m to that side are assumed",
+            ),
             (self.unlimited, "limits beyond 1,000,000 rad of {}: none, as of a continuous joint"),
             (
                 self.beyond,
@@ -1040,10 +1048,8 @@ def _refuse_blank_limits(chain: Sequence[Element]) -> None:
         limit = joint.first("limit")
         if joint.attributes["type"] not in ("revolute", "prismatic") or limit is None:
             continue
-        values = (limit.attributes.get(key, "0") for key in ("lower", "upper", "velocity"))
-        if all(_is_zero(value) for value in values) and _is_zero(
-            limit.attributes.get("effort", "0")
-        ):
+        keys = ("lower", "upper", "velocity", "effort")
+        if all(_is_zero(limit.attributes.get(key, "0")) for key in keys):
             blank.append(joint)
     if blank:
         names = _join_names([joint.attributes["name"] for joint in blank])
@@ -1080,13 +1086,24 @@ def _read_segment(joint: Element, notes: Notes) -> _Segment:
     return _Segment(joint, None)
 
 
+def _read_limit(limit: Element, key: str) -> float:
+    """Return a number of <limit>, which may be infinite; 0 without one."""
+    text = limit.attributes.get(key, "").strip(" \t\r\n")
+    if _INFINITE.fullmatch(text):
+        return -math.inf if text.startswith("-") else math.inf
+    return read_number(limit, key, 0.0, math.inf)
+
+
 def _read_limits(joint: Element, limit: Element) -> tuple[float, float]:
     """Return the range of a joint [rad] or [m]; an end that no joint reaches is infinite."""
+    most = MOST_LENGTH_M if joint.attributes["type"] == "prismatic" else MOST_NUMBER
     ends = []
     for key, sign in (("lower", -1.0), ("upper", 1.0)):
-        beyond = sign * read_number(limit, key, 0.0, math.inf) > MOST_NUMBER
-        is_open = beyond and joint.attributes["type"] != "prismatic"
-        ends.append(sign * math.inf if is_open else read_number(limit, key, 0.0))
+        end = _read_limit(limit, key)
+        ends.append(sign * math.inf if sign * end > most else end)
+        if -sign * end > most:
+            words = f"<limit> has {end:g} as {key!r}, where {most:,g} is the most"
+            raise UrdfError(words, line=limit.line)
     return ends[0], ends[1]
 
 
@@ -1102,21 +1119,23 @@ def _build_joint(
         if not low < high:
             words = f"joint {name!r} has lower {low:g}, where it must be below upper, {high:g}"
             raise UrdfError(words, line=limit.line)
-    if math.isinf(low) or math.isinf(high):
-        notes.unlimited.append(name)
-        low = min(-_FULL_TURN, high - _FULL_TURN) if math.isinf(low) else low
-        high = max(_FULL_TURN, low + _FULL_TURN) if math.isinf(high) else high
     is_prismatic = kind == "prismatic"
-    speed = read_number(limit, "velocity", 0.0)
+    if math.isinf(low) or math.isinf(high):
+        (notes.endless if is_prismatic else notes.unlimited).append(name)
+        most = _ASSUMED_TRAVEL_M if is_prismatic else _FULL_TURN
+        low = min(-most, high - most) if math.isinf(low) else low
+        high = max(most, low + most) if math.isinf(high) else high
+    speed = _read_limit(limit, "velocity")
     if 0 < speed < _LEAST_SPEED:
         words = f"joint {name!r} turns at {speed:g} rad/s; {_LEAST_SPEED:g} is the least"
         raise UrdfError(words, line=limit.line)
-    if speed == 0.0:
-        notes.speeds.append(name)
+    if speed == 0.0 or speed > MOST_NUMBER:
+        notes.speeds.append(name if speed == 0.0 else f"{name} (infinite)")
         speed = _ASSUMED_M_PER_S if is_prismatic else _ASSUMED_RAD_PER_S
-    effort = read_number(limit, "effort", 0.0, most=math.inf)
-    if effort == 0.0:
-        notes.torques.append(name)
+    effort = _read_limit(limit, "effort")
+    if effort == 0.0 or math.isinf(effort):
+        notes.torques.append(name if effort == 0.0 else f"{name} (infinite)")
+        effort = 0.0
     if not is_prismatic and max(abs(low), abs(high)) > _DOUBTED_RAD:
         notes.degrees.append(f"{name} ({low:g} to {high:g})")
         # More than a turn either way reaches no other place.

@@ -40,6 +40,7 @@ ELBOWS_RAD: Final = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
 
 _MOST_ITERATIONS = 120
 _MOST_STEP_RAD = 0.3
+_PARTLY_ITERATIONS = 60
 _DAMPING = 1e-4
 # Share of the distance to the start's posture that an iteration closes; not in the last ones.
 _PULL = 0.3
@@ -67,16 +68,22 @@ class Unreachable:
         Distance from the target to the nearest tip position found [m].
     points
         Unit vector along which the hand should point.
+    off_yaw
+        True if the hand gets there and points that way, but is turned about its axis.
     """
 
     position: Point
     why: str
     distance_m: float
     points: Point = DOWN
+    off_yaw: bool = False
 
     @property
     def reason(self) -> str:
         """The reason as one clause."""
+        if self.off_yaw:
+            where = ", ".join(f"{value:.3f}" for value in self.position)
+            return f"the jaws cannot close as they should at ({where}): {self.why}"
         where = ", ".join(f"{value:.3f}" for value in self.position)
         if is_same_direction(self.points, DOWN):
             return f"the hand cannot point straight down at ({where}): {self.why}"
@@ -187,13 +194,72 @@ def _solve_from_other_starts(arm: ArmModel, target: Any) -> Vector | Unreachable
     solution = arm.inverse.solve(target)
     if not isinstance(solution, Unreached):
         return solution
-    return _make_unreachable(target, solution.reason, solution.distance_m)
+    return _make_unreachable(arm, target, solution.reason, solution.distance_m)
 
 
-def _make_unreachable(target: Any, why: str, distance_m: float) -> Unreachable:
+def _make_unreachable(arm: ArmModel, target: Any, why: str, distance_m: float) -> Unreachable:
     x, y, z = (float(value) for value in target.translation)
     px, py, pz = (float(value) for value in target.rotation[:, 2])
-    return Unreachable((x, y, z), why, round(distance_m, 6), (px, py, pz))
+    freedoms, off_yaw = arm.description.freedoms, False
+    if freedoms < 6:
+        # With few joints a place is reached, but the hand is turned; that is the reason then.
+        for rows in (5, 3):
+            joints = _reach_partly(arm, target, rows)
+            if joints is None:
+                continue
+            own = arm.tip(joints)[1].T @ target.rotation
+            if rows == 5:
+                turn = (math.degrees(math.atan2(own[1, 0], own[0, 0])) + 90) % 180 - 90
+                off_yaw = True
+                why = (
+                    f"they are {abs(turn):.0f} deg off there, and no other of the {freedoms} "
+                    "joints turns the hand about its axis; turn the part"
+                )
+            else:
+                tilt = math.degrees(math.acos(min(1.0, max(-1.0, own[2, 2]))))
+                why = f"{freedoms} joints move; the nearest posture there is {tilt:.0f} deg off"
+            distance_m = 0.0
+            break
+    return Unreachable((x, y, z), why, round(distance_m, 6), (px, py, pz), off_yaw)
+
+
+def _reach_partly(arm: ArmModel, target: Any, rows: int) -> Vector | None:
+    """Return joint angles with the tip at a place, if there are any from several starts.
+
+    Parameters
+    ----------
+    rows
+        3 for the place alone; 5 for the direction of the hand, too.
+    """
+    low, high = arm.low_rad, arm.high_rad
+    random = np.random.default_rng(0)
+    starts = [arm.home_rad, *(random.uniform(low, high) for _ in range(_TRIES))]
+    best: tuple[float, Vector] | None = None
+    for start in starts:
+        joints = start.copy()
+        for _ in range(_PARTLY_ITERATIONS):
+            position, rotation = arm.tip(joints)
+            away = rotation.T @ (target.translation - position)
+            x, y, z = rotation.T @ target.rotation[:, 2]
+            angle = math.atan2(math.hypot(x, y), z)
+            share = angle / math.hypot(x, y) if math.hypot(x, y) > ACCURACY else 1.0
+            twist = np.array([*away, -y * share, x * share])
+            if float(np.abs(twist[:rows]).max()) < ACCURACY:
+                if best is None or angle < best[0] - ACCURACY:
+                    best = (angle, joints)
+                break
+            jacobian = arm.error(joints, target)[1]
+            if arm.serial.coupling is not None:
+                inner = times(jacobian, arm.serial.coupling)[:rows]
+                step = times(arm.serial.coupling, _solve_damped(inner, twist[:rows], _DAMPING))
+            else:
+                step = _solve_damped(jacobian[:rows], twist[:rows], _DAMPING)
+            size = float(np.abs(step).max())
+            step = step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
+            joints = np.clip(joints + step, low, high)
+        if best is not None and rows == 5:
+            break
+    return None if best is None else best[1]
 
 
 def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vector | Unreachable:
@@ -235,7 +301,7 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
             moved = np.clip(joints + step, low, high)
         joints = moved
     nearest_m = min(length(error) for error in missed)
-    return _make_unreachable(target, _explain_failure(arm, joints, target), nearest_m)
+    return _make_unreachable(arm, target, _explain_failure(arm, joints, target), nearest_m)
 
 
 def _step(arm: ArmModel, jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
