@@ -159,11 +159,19 @@ def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     assert document == json.loads((out / "report.json").read_text("utf-8"))
     run(["import-cad", str(file("floating")), "--out", str(tmp_path / "other")])
     message = capsys.readouterr().err
-    assert "balloon: touches no other part" in message
-    assert "balloon is left out of the task: it has nothing beneath it" in message
+    assert "balloon: touches no other part; the nearest is " in message
     document = json.loads((tmp_path / "other" / "report.json").read_text("utf-8"))
     assert list(document["left_out"]) == ["balloon"]
     assert document["left_out_why"] == {"balloon": {"kind": "floats", "by": []}}
+    assert document["gaps"] == [{"part": "balloon", "nearest": "block", "gap_mm": 11.1803}]
+    assert document["summary"]["left_out"] == [
+        {
+            "kind": "floats",
+            "why": "touches no other part",
+            "parts": ["balloon"],
+            "by": [{"part": "block", "count": 1}],
+        }
+    ]
     assert document["attitude"]["stands"] == [
         {"part": "plate", "on": []},
         {"part": "block", "on": ["plate"]},

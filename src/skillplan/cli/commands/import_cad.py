@@ -294,7 +294,9 @@ def command(
     for warning in imported.warnings:
         tell(f"skillplan: warning: {warning}")
     document = {"schema": IMPORT, **imported.document}
-    emit(style, document, [tabulate_import(document, imported.lines)])
+    tables = tabulate_import(document, imported.lines, imported.advice, whole=style != "table")
+    # CSV prints the last table.
+    emit(style, document, tables[:1] if style == "csv" else tables)
     return exit_code(solved=imported.complete)
 
 

@@ -229,22 +229,35 @@ def _format_age(age_s: float) -> str:
     return f"{age_s:.0f} s"
 
 
-def tabulate_import(document: Mapping[str, Any], lines: Sequence[str]) -> Table:
-    """Return a row for every part, with findings below.
+# Largest number of names in a row of reasons, and of parts in the table of parts.
+_MOST_NAMES, _MOST_PARTS = 3, 40
+
+
+def tabulate_import(
+    document: Mapping[str, Any], lines: Sequence[str], advice: Sequence[str], *, whole: bool
+) -> list[Table]:
+    """Return a table of parts, and a table of the parts in the task and of the others by reason.
 
     Parameters
     ----------
     document
         ``skillplan.import/1``.
     lines
-        Findings in words.
+        Findings in words, below the first table.
+    advice
+        Lines below the second table.
+    whole
+        True for a row for every part, False for at most 40.
     """
+    parts = document["parts"]
+    why = {name: group["kind"] for group in _list_reasons(document) for name in group["parts"]}
     columns = [
         Column("part"),
         Column("kind"),
         Column("mass [kg]", right=True),
         Column("size [mm]", right=True),
         Column("free directions", right=True),
+        Column("in the task"),
     ]
     rows = [
         (
@@ -253,7 +266,45 @@ def tabulate_import(document: Mapping[str, Any], lines: Sequence[str]) -> Table:
             f"{part['mass_kg']:.4g}",
             " x ".join(f"{side:.4g}" for side in part["size_mm"]),
             str(len(part["free"])),
+            f"no: {why[part['name']]}" if part["name"] in why else "yes",
         )
-        for part in document["parts"]
+        for part in (parts if whole else parts[:_MOST_PARTS])
     ]
-    return Table(f"{document['product']}: imported", columns, rows, list(lines))
+    notes = list(lines)
+    if len(rows) < len(parts):
+        notes.insert(0, f"{len(parts) - len(rows)} more parts: --format csv lists all")
+    title = f"{document['product']}: imported"
+    return [Table(title, columns, rows, notes), _tabulate_reasons(document, advice)]
+
+
+def _list_reasons(document: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    reasons: Sequence[Mapping[str, Any]] = document["summary"]["left_out"]
+    return reasons
+
+
+def _tabulate_reasons(document: Mapping[str, Any], advice: Sequence[str]) -> Table:
+    """Return the parts in the task and the others by reason, with counts."""
+    summary = document["summary"]
+    in_task = summary["in_task"]
+    rows = [("in the task", str(len(in_task)), "-", _name_first(in_task))]
+    for reason in _list_reasons(document):
+        causes = [
+            f"{cause['part']} ({cause['count']})" if cause["count"] > 1 else cause["part"]
+            for cause in reason["by"]
+        ]
+        names = reason["parts"]
+        rows.append((reason["why"], str(len(names)), _name_first(causes), _name_first(names)))
+    columns = [
+        Column("parts by reason"),
+        Column("count", right=True),
+        Column("because of"),
+        Column("names"),
+    ]
+    title = f"{document['product']}: {len(in_task)} of {summary['parts']} parts in the task"
+    return Table(title, columns, rows, list(advice))
+
+
+def _name_first(names: Sequence[str]) -> str:
+    more = len(names) - _MOST_NAMES
+    shown = ", ".join(names[:_MOST_NAMES]) or "-"
+    return f"{shown} and {more} more" if more > 0 else shown

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +17,21 @@ from skillplan_cad.importing.exploded import Draw
 from skillplan_cad.importing.findings import Findings, Tell, analyse_product
 from skillplan_cad.importing.planned import plan_product
 from skillplan_cad.importing.settings import ImportSettings, parse_settings
+from skillplan_cad.importing.summary import (
+    Gap,
+    build_gaps_document,
+    build_summary,
+    list_advice,
+    list_interferences,
+    list_untouched,
+    list_warnings,
+    measure_gaps,
+)
 from skillplan_cad.product import Product, Vector
-from skillplan_cad.relation import Contact, Relation
+from skillplan_cad.relation import Relation
 from skillplan_cad.relation_file import format_relation
 
-# Largest number of doubts printed one by one.
+# Largest number of fits printed one by one.
 _NAMED = 4
 
 
@@ -31,8 +40,9 @@ def build_report(
     waived: Sequence[tuple[str, str, int]],
     settings: ImportSettings,
     source: str,
+    gaps: Sequence[Gap] = (),
 ) -> dict[str, Any]:
-    """Return the report without its schema; lengths in millimetres."""
+    """Return the report without its schema and summary; lengths in millimetres."""
     product, relation = findings.product, findings.relation
     return {
         "product": product.name,
@@ -87,6 +97,7 @@ def build_report(
             if contact.fit is not None
         ],
         "untouched": list_untouched(relation),
+        "gaps": build_gaps_document(gaps),
         "doubts": [
             {
                 "part": doubt.part,
@@ -101,61 +112,6 @@ def build_report(
             for part, by, number in waived
         ],
     }
-
-
-def list_interferences(relation: Relation) -> list[Contact]:
-    """Return the contacts with more overlap than allowed, the largest first."""
-    overlapping = [contact for contact in relation.contacts if contact.interferes]
-    return sorted(overlapping, key=lambda contact: (-contact.overlap_m3, contact.parts))
-
-
-def list_untouched(relation: Relation) -> list[str]:
-    """Return the parts without contact."""
-    touched = {name for contact in relation.contacts for name in contact.parts}
-    return [name for name in relation.names if name not in touched]
-
-
-def list_warnings(findings: Findings) -> list[str]:
-    """Return the warnings about a product, one sentence each."""
-    product, relation = findings.product, findings.relation
-    messages = list(product.warnings)
-    for interference in list_interferences(relation):
-        at = ", ".join(f"{value * 1000:.4g}" for value in interference.overlap_point_m or ())
-        why = (
-            f"of which chords explain {interference.overlap_allowed_m3 * 1e9:.3g}"
-            if product.chord_m
-            else "and meshes state no chord that would explain it"
-        )
-        messages.append(
-            f"{' and '.join(interference.parts)} overlap by "
-            f"{interference.overlap_m3 * 1e9:.4g} mm3 round [{at}] mm, "
-            f"{interference.overlap_depth_m * 1e3:.2g} mm deep, {why}. Correct it in CAD, or "
-            f"declare a fit: --press-fit {shlex.quote(','.join(interference.parts))}."
-        )
-    loose = list_untouched(relation)
-    if loose:
-        messages.append(
-            f"{', '.join(loose)}: touch{'es' if len(loose) == 1 else ''} no other part; nothing "
-            "holds what floats."
-        )
-    if relation.sensitive:
-        pairs = sorted({f"{answer.part} by {answer.by}" for answer in relation.sensitive})
-        shown = "; ".join(pairs[:6]) + (f"; and {len(pairs) - 6} more" if len(pairs) > 6 else "")
-        messages.append(
-            f"half or double the tolerance changes {len(relation.sensitive)} blockings: {shown}"
-        )
-    for doubt in findings.doubts[:_NAMED]:
-        way = ", ".join(f"{value:.4g}" for value in relation.directions[doubt.direction])
-        rays, meshes = (
-            ("blocks", "lets pass") if doubt.rays_say_blocked else ("lets pass", "blocks")
-        )
-        messages.append(
-            f"{doubt.by} {rays} {doubt.part} along [{way}] by rays, which decide, and {meshes} it "
-            "by shrunk meshes; try another --tolerance."
-        )
-    if len(findings.doubts) > _NAMED:
-        messages.append(f"{len(findings.doubts) - _NAMED} more such doubts stand in report.json")
-    return messages
 
 
 def _mm(value_m: float) -> float:
@@ -174,13 +130,18 @@ class Imported:
     ----------
     document
         Fields of `report.json`, without its schema.
+    lines
+        Findings and the order of assembly.
+    advice
+        Overlaps that are left, and where to read on.
     complete
-        True if the searched moves assemble all parts.
+        True if a task is written.
     """
 
     document: dict[str, Any]
     lines: tuple[str, ...]
     warnings: tuple[str, ...]
+    advice: tuple[str, ...] = ()
     complete: bool = True
 
 
@@ -212,8 +173,10 @@ def import_cad(
     plan = plan_product(path, findings, settings, draw)
     relation = plan.relation
     waived = list_waived_pairs(findings.joints, findings.blocked, settings.threads)
-    document = build_report(findings, waived, settings, path.name)
+    gaps = measure_gaps(product, relation)
+    document = build_report(findings, waived, settings, path.name, gaps)
     document |= plan.document
+    document["summary"] = build_summary(document)
     files = {
         "relation.json": format_relation(relation),
         "report.json": format_document(IMPORT, document) + "\n",
@@ -221,8 +184,9 @@ def import_cad(
     }
     write(folder, files)
     lines = (*_list_findings(product, relation), *findings.joints.notes, *plan.lines)
-    messages = (*list_warnings(findings), *plan.warnings)
-    return Imported(document, lines, messages, plan.complete)
+    messages = (*list_warnings(findings, gaps), *plan.warnings)
+    advice = tuple(list_advice(document, relation, out))
+    return Imported(document, lines, messages, advice, "product.yaml" in plan.files)
 
 
 def write(folder: Path, files: Mapping[str, str | bytes]) -> None:

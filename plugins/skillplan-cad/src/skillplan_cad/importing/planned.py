@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from skillplan_cad.importing.exploded import Draw, place_bodies
 from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
+from skillplan_cad.importing.summary import shorten_list
 from skillplan_cad.joints.fits import relieve_fits
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, add_groups
 from skillplan_cad.planning.bearing import ATTITUDES, Bearing, find_bearing, find_best_bearing
@@ -241,6 +242,8 @@ def restore_replay(content: bytes) -> Replay:
 # Factor on the plan's chord and tolerance for the replay.
 _FINER = 0.4
 _SHOWN = 6
+# Largest number of steps that are printed.
+_MOST_STEPS = 12
 # Play of a pressed shaft in the written task, on each side: back ends press nothing together [m].
 _ENGINE_PLAY_M = 4e-4
 
@@ -308,10 +311,6 @@ def plan_product(
         task = build_task(loose, relation, plan, settings.robot, bearing, sheets, remarks)
         left_out = {**bearing.why_not, **sheets} if task is None else task.left_out
         document |= build_left_out_document(left_out)
-        warnings += [
-            f"{name} is left out of the task: it {reason.text}."
-            for name, reason in left_out.items()
-        ]
         if task is None:
             warnings.append("No part is left that one arm could place: no product.yaml is written.")
         else:
@@ -383,11 +382,13 @@ def _read_finer(path: Path, product: Product, settings: ImportSettings) -> Produ
 
 
 def _list_lines(plan: AssemblyPlan, again: Replay) -> list[str]:
-    order = [" with ".join(step.parts) for step in plan.steps]
+    order = [_name_first(step.parts, " with ") for step in plan.steps]
     turns = sum(step.turn for step in plan.steps)
     lines = [f"base {plan.base}: {plan.why_base}"]
     if order:
-        lines.append(f"order: {plan.base}, {', '.join(order)}")
+        more = len(order) - _MOST_STEPS
+        end = f" and {more} more (report.json: plan)" if more > 0 else ""
+        lines.append(f"order: {', '.join([plan.base, *order[:_MOST_STEPS]])}{end}")
         lines.append(
             f"{turns} turn{'' if turns == 1 else 's'} of the product; "
             + ("no order costs less" if plan.cheapest else "the best order of those searched")
@@ -401,31 +402,45 @@ def _list_lines(plan: AssemblyPlan, again: Replay) -> list[str]:
 
 
 def _list_warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
-    warnings = []
-    for stuck in plan.stuck:
-        where = "; ".join(
-            f"{met.part} at [{', '.join(f'{value * 1000:.4g}' for value in met.point_m)}] mm"
-            for met in stuck.search.in_the_way[:_SHOWN]
-        )
-        words = {
-            "closed": "no straight move, path or turn that was searched leads out",
-            "budget spent": f"no way out was found in {stuck.search.iterations} iterations",
-        }[stuck.search.outcome]
-        warnings.append(
-            f"{stuck.part} is stuck among {', '.join(stuck.among[:_SHOWN])}: {words}. In its way: "
-            f"{where or 'no other part'}."
-        )
-    for fault in again.faults[:_SHOWN]:
-        warnings.append(
-            f"the replay disagrees: {fault.part} and {fault.by} share "
-            f"{fault.thickness_m * 1000:.3g} mm round [{_format_point(fault.point_m)}] mm in step "
-            f"{fault.step}."
-        )
-    for subassembly in plan.subassemblies:
-        warnings.append(
-            f"{' and '.join(subassembly)} are assembled separately, as no other order is possible."
-        )
-    return warnings
+    """Return the warnings about a plan, at most four of a kind."""
+    faults = [
+        f"the replay disagrees: {fault.part} and {fault.by} share "
+        f"{fault.thickness_m * 1000:.3g} mm round [{_format_point(fault.point_m)}] mm in step "
+        f"{fault.step}."
+        for fault in again.faults
+    ]
+    separate = [
+        f"{_name_first(subassembly)} are assembled separately, as no other order is possible."
+        for subassembly in plan.subassemblies
+    ]
+    return [
+        *shorten_list([_warn_of_stuck(stuck) for stuck in plan.stuck], "plan.stuck"),
+        *shorten_list(faults, "plan.replay"),
+        *shorten_list(separate, "plan.subassemblies"),
+    ]
+
+
+def _warn_of_stuck(stuck: Stuck) -> str:
+    where = "; ".join(
+        f"{met.part} at [{', '.join(f'{value * 1000:.4g}' for value in met.point_m)}] mm"
+        for met in stuck.search.in_the_way[:_SHOWN]
+    )
+    words = {
+        "closed": "no straight move, path or turn that was searched leads out",
+        "budget spent": f"no way out was found in {stuck.search.iterations} iterations",
+    }[stuck.search.outcome]
+    return (
+        f"{stuck.part} is stuck among {_name_first(stuck.among)}: {words}. In its way: "
+        f"{where or 'no other part'}."
+    )
+
+
+def _name_first(names: Sequence[str], between: str = " and ") -> str:
+    """Return the first of some names in words, and the number of the others."""
+    few = _SHOWN // 2
+    if len(names) <= few:
+        return between.join(names)
+    return f"{', '.join(names[:few])}{between}{len(names) - few} more"
 
 
 def _list_piece_warnings(pieces: Mapping[str, Any]) -> list[str]:
@@ -441,9 +456,14 @@ def _list_piece_warnings(pieces: Mapping[str, Any]) -> list[str]:
 
 
 def _list_task_warnings(task: WrittenTask, pieces: Mapping[str, Any]) -> list[str]:
+    names_of: dict[str, list[str]] = {}
+    for name, lines in task.limits.items():
+        for words in lines:
+            names_of.setdefault(words, []).append(name)
+    limits = [f"{_name_first(names)} {words}." for words, names in names_of.items()]
     return [
         *(f"check refuses product.yaml: {words}" for words in task.faults),
-        *(f"{name} {words}." for name, lines in task.limits.items() for words in lines),
+        *shorten_list(limits, "limits"),
         *_list_piece_warnings(pieces),
     ]
 
