@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from skillplan_cad import (
     assemble_relation,
     assign_task_names,
     build_task,
+    choose_arm,
     find_blocked,
     find_joints,
     find_top_grasp,
@@ -173,6 +175,22 @@ def test_the_task_is_of_the_arm_that_was_asked_for(eight, written):
     assert document["parts"].keys() == written.document["parts"].keys()
     starts = [part["start_m"] for part in document["parts"].values() if "start_m" in part]
     assert all(math.hypot(*place) < 0.85 for place in starts)
+
+
+def test_the_arm_is_the_default_one_or_the_weakest_that_carries_and_reaches_most(eight):
+    parts = eight[0].parts
+    wide = part_of("plate", box(0, 0, 0, 600, 400, 5))
+    heavy = {kg: weigh(parts[0], kg) for kg in (3.2, 9.1, 99.0)}
+    arms = [
+        choose_arm((*parts, *more), (0.0, 0.0, 1.0))
+        for more in ((), (wide,), (heavy[3.2],), (heavy[9.1],), (heavy[99.0],))
+    ]
+    assert arms == ["panda", "ur10e", "gen3_7dof", "crx10ia", "panda"]
+
+
+def weigh(part, mass_kg):
+    """Return a part of that mass."""
+    return replace(part, name="heavy", density_kg_m3=mass_kg / part.volume_m3)
 
 
 def test_names_of_cad_become_names_of_a_task():

@@ -52,6 +52,7 @@ from .relation import RelationPart as RelationPart
 from .relation import Sensitive as Sensitive
 from .relation_file import format_relation as format_relation
 from .relation_file import read_relation as read_relation
+from .writing.arm_choice import choose_arm as choose_arm
 from .writing.task_document import Item as Item
 from .writing.task_document import assign_task_names as assign_task_names
 from .writing.task_document import build_task as build_task
@@ -91,6 +92,7 @@ __all__ = [
     "assemble_relation",
     "assign_task_names",
     "build_task",
+    "choose_arm",
     "choose_attitude",
     "compute_allowance_m",
     "derive_precedence",

@@ -220,10 +220,11 @@ def command(
         typer.Option(
             "--robot",
             metavar="ARM",
-            help="Arm of the written task: panda, ur5e, or another of `skillplan check`.",
+            help="Arm of the written task: panda, ur5e, or another of `skillplan check`; or auto: "
+            "panda, or the weakest arm that carries and reaches more parts.",
             rich_help_panel=PLANNING,
         ),
-    ] = "panda",
+    ] = "auto",
     jobs: Jobs = 1,
     no_cache: Annotated[
         bool,

@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from skillplan.robots.catalogue import DEFAULT_ARM
 from skillplan_cad.importing.exploded import Draw, place_bodies
 from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
@@ -25,6 +26,7 @@ from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import is_step
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
+from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import WrittenTask, build_task
 from skillplan_cad.writing.top_grasp import Upright
@@ -291,6 +293,7 @@ def plan_product(
     if draw is not None:
         files["exploded.png"] = draw(product.name, place_bodies(product, plan))
     warnings = _list_warnings(plan, again)
+    lines = _list_lines(plan, again)
     if plan.complete:
         document["attitude"] = build_attitude_document(bearing)
         warnings += list_attitude_warnings(product, relation, bearing, settings.up)
@@ -308,7 +311,15 @@ def plan_product(
             for drawn, thinner in zip(findings.product, loose, strict=True)
             if drawn is not thinner
         }
-        task = build_task(loose, relation, plan, settings.robot, bearing, sheets, remarks)
+        arm = settings.robot
+        if arm == AUTO_ARM:
+            without = {*sheets, *(bearing.why_not if bearing.order else ())}
+            arm = choose_arm([part for part in loose if part.name not in without], bearing.up)
+            if arm != DEFAULT_ARM:
+                lines.append(
+                    f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}"
+                )
+        task = build_task(loose, relation, plan, arm, bearing, sheets, remarks)
         left_out = {**bearing.why_not, **sheets} if task is None else task.left_out
         document |= build_left_out_document(left_out)
         if task is None:
@@ -322,7 +333,7 @@ def plan_product(
         plan.complete,
         document,
         files,
-        tuple(_list_lines(plan, again)),
+        tuple(lines),
         tuple(warnings),
     )
 

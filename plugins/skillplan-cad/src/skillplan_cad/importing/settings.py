@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
-from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
+from skillplan.robots.catalogue import ARMS
 from skillplan_cad.build_relation import Threads
 from skillplan_cad.joints.directions import Source
 from skillplan_cad.joints.fasteners_of import FastenerOptions
 from skillplan_cad.joints.fits import FitOptions
 from skillplan_cad.reading.mesh_folder import resolve_unit_m
 from skillplan_cad.reading.product_reader import STEEL_KG_M3, ReadOptions, fits_pattern
+from skillplan_cad.writing.arm_choice import AUTO_ARM
 
 _LEAST_MM, _MOST_MM = 0.001, 10.0
 
@@ -59,7 +60,7 @@ class ImportSettings:
     chord_mm: float | None = None
     up: str = "auto"
     base: str | None = None
-    robot: str = DEFAULT_ARM
+    robot: str = AUTO_ARM
     directions: Source = "cylinders"
     threads: Threads = "unscrew"
     split_bodies: bool = False
@@ -91,10 +92,10 @@ class ImportSettings:
         for pair in self.press_fit:
             if len([name for name in pair.split(",") if name.strip()]) != 2:
                 raise OptionError(f"--press-fit {pair}: give two part names, as A,B.")
-        if self.robot not in ARMS:
+        if self.robot not in (arms := (AUTO_ARM, *ARMS)):
             raise OptionError(
-                f"--robot {self.robot}: must be one of {', '.join(ARMS)}. "
-                f"{name_hint(self.robot, ARMS)}"
+                f"--robot {self.robot}: must be one of {', '.join(arms)}. "
+                f"{name_hint(self.robot, arms)}"
             )
         if not 1 <= self.density_kg_m3 <= 30000:
             raise OptionError(

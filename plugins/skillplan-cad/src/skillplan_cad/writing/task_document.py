@@ -72,10 +72,12 @@ _BESIDE_TALL_M = 0.13
 _TALL_M = 0.035
 _BESIDE_PRODUCT_M = 0.14
 _GRID_M = 0.02
-_NEAREST_M, _FARTHEST_M = 0.30, 0.72
+# Nearest and farthest place, as shares of the arm's reach; and the least of the nearest [m].
+_NEAREST, _FARTHEST, _NEAREST_M = 0.25, 0.8422, 0.30
 _SPREAD_RAD = math.radians(110)
 HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
-HOME: Place = (0.35, 0.0)
+# Place of the tip at the start, as a share of the arm's reach; and the least of it [m].
+_HOME, _HOME_M = 0.3, 0.35
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,19 +142,19 @@ def lay_out_table(
     reach_m
         Greatest distance from the arm's base to its tip [m].
     """
-    farthest = min(_FARTHEST_M, 0.85 * reach_m)
-    goal = _choose_goal(product_size_m, farthest)
+    nearest, farthest = max(_NEAREST_M, _NEAREST * reach_m), _FARTHEST * reach_m
+    goal = _choose_goal(product_size_m, nearest, farthest)
     half = (product_size_m[0] / 2, product_size_m[1] / 2)
     taken = [_Taken(goal, half, _BESIDE_PRODUCT_M)]
     taken += [_Taken(place, (0.03, 0.03), 0.06) for place in HOLDERS]
-    spots = _list_grid_places(farthest, goal)
+    spots = _list_grid_places(nearest, farthest, goal)
     places: dict[str, Place] = {}
     without = []
     order = sorted(items, key=lambda item: (-item.size_m[0] * item.size_m[1], item.name))
     for item in order:
         size = (item.size_m[0] / 2, item.size_m[1] / 2)
         room = _BESIDE_TALL_M if item.size_m[2] > _TALL_M else _APART_M
-        free = np.flatnonzero(_mask_fitting(spots, size, room, taken, farthest))
+        free = np.flatnonzero(_mask_fitting(spots, size, room, taken, nearest, farthest))
         if not len(free):
             without.append(item.name)
             continue
@@ -162,24 +164,24 @@ def lay_out_table(
     return Tray(goal, places, tuple(sorted(without)))
 
 
-def _choose_goal(size_m: tuple[float, float, float], farthest_m: float) -> Place:
+def _choose_goal(size_m: tuple[float, float, float], nearest_m: float, farthest_m: float) -> Place:
     """Return the product's place: half a metre before the arm, a little to its left."""
     y_m = min(0.12 + size_m[1] / 2, 0.25)
-    x_m = max(0.50, _NEAREST_M + size_m[0] / 2)
+    x_m = max(0.50, nearest_m + size_m[0] / 2)
     corner = math.hypot(x_m, abs(y_m) + size_m[1] / 2)
     if corner > farthest_m:
-        x_m = max(_NEAREST_M + size_m[0] / 2, x_m - (corner - farthest_m))
+        x_m = max(nearest_m + size_m[0] / 2, x_m - (corner - farthest_m))
     return round(x_m, 3), round(y_m, 3)
 
 
-def _list_grid_places(farthest_m: float, goal: Place) -> Floats:
+def _list_grid_places(nearest_m: float, farthest_m: float, goal: Place) -> Floats:
     """Return grid places within reach, sorted by distance to the product."""
     count = int(farthest_m / _GRID_M)
     places = []
     for i in range(-count, count + 1):
         for j in range(-count, count + 1):
             x, y = round(i * _GRID_M, 3), round(j * _GRID_M, 3)
-            inside = _NEAREST_M <= math.hypot(x, y) <= farthest_m
+            inside = nearest_m <= math.hypot(x, y) <= farthest_m
             if inside and abs(math.atan2(y, x)) <= _SPREAD_RAD:
                 places.append((x, y))
     places.sort(key=lambda place: (round(math.dist(place, goal), 6), place))
@@ -187,13 +189,18 @@ def _list_grid_places(farthest_m: float, goal: Place) -> Floats:
 
 
 def _mask_fitting(
-    spots: Floats, half: Place, room: float, taken: Sequence[_Taken], farthest_m: float
+    spots: Floats,
+    half: Place,
+    room: float,
+    taken: Sequence[_Taken],
+    nearest_m: float,
+    farthest_m: float,
 ) -> Bools:
     """Return a mask of the places where a rectangle is in reach and clear of all others."""
     x_m, y_m = np.abs(spots).T
     corners = [np.hypot(x_m + sign * half[0], y_m + half[1]) for sign in (-1, 1)]
     near = np.hypot(np.maximum(spots[:, 0] - half[0], 0), np.maximum(y_m - half[1], 0))
-    fits: Bools = (np.maximum(*corners) <= farthest_m + 0.05) & (near >= _NEAREST_M - 0.08)
+    fits: Bools = (np.maximum(*corners) <= farthest_m + 0.05) & (near >= nearest_m - 0.08)
     for rectangle in taken:
         fits &= ~rectangle.is_near(spots, half, room)
     return fits
@@ -257,7 +264,8 @@ def build_robot_entry(
     height = max(float(upright.vertices(part)[:, 2].max()) for part in parts)
     tallest = max(float(upright.size(part)[2]) for part in gripped)
     safe = max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
-    named = {"name": robot, "model": robot, "home_m": list(HOME)}
+    home_m = round(max(_HOME_M, _HOME * ARMS[robot][0].works_within_m), 2)
+    named = {"name": robot, "model": robot, "home_m": [home_m, 0.0]}
     return {**named, "safe_height_m": round(safe, 3)}
 
 
