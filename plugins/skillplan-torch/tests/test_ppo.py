@@ -89,26 +89,20 @@ class TestLearning:
     @pytest.mark.parametrize(
         "runs",
         [
-            release_case(1, reason="runs to the optimum of the board"),
-            release_case(10, reason="ten runs to the optimum"),
+            release_case(1, reason="a run of 10,000 steps"),
+            release_case(10, reason="ten runs of 10,000 steps"),
         ],
     )
-    @pytest.mark.parametrize(
-        "options",
-        [
-            {},
-            {"mask": "none", "observation": "paper"},
-            {"mask": "none", "observation": "paper", "novelty": 3.0, "failure": 0.2, "gamma": 0.8},
-        ],
-    )
-    def test_every_seed_comes_within_one_percent_of_the_board_s_optimum(self, board, options, runs):
+    @pytest.mark.parametrize(("options", "most"), [({}, 1.03), ({"imitation": 1.0}, 1.02)])
+    def test_every_seed_completes_the_board_near_the_optimum(self, board, options, most, runs):
+        """Within three percent, with imitation two; the page on learning has what ten runs did."""
         learner = PpoSolver(PpoSolver.Options(**options))
         steps = learner.derived([board])["steps"]
         assert steps == 10_000
         training = learner.begin(places(learner, runs, board), range(runs), steps)
         training.advance(steps)
         costs = [training.learned(run).best_cost for run in range(runs)]
-        assert all(cost is not None and cost <= 1.01 * OPTIMUM_M for cost in costs)
+        assert all(cost is not None and cost <= most * OPTIMUM_M for cost in costs)
 
     def test_masks_hold_in_all_that_is_tried(self):
         task = lid_task()
@@ -149,6 +143,11 @@ class TestPoliciesFollowed:
                 cost, end = cost + infos["cost"][0], infos["end"][0]
             assert end == COMPLETE
             assert cost == pytest.approx(learned.best_cost)
+
+    def test_a_manifest_tells_that_none_is_followed_under_chance(self):
+        learner = PpoSolver()
+        assert learner.derived([lid_task()])["follow"] is True
+        assert learner.derived([retry_task(0.5)])["follow"] is False
 
     def test_none_is_followed_where_that_is_switched_off(self):
         training = begun(solver(follow=False), [0])

@@ -221,7 +221,8 @@ class ControlledRobot:
         StuckError
             If an obstacle blocks the arm.
         UpsetError
-            If the simulation blew up, or the skill takes too many steps.
+            If the simulation blew up, the skill takes too many steps, or the arm falls behind
+            with nothing in its way, which proves nothing about the skill.
         """
         self.arm.actuate()
         self.world.step()
@@ -229,9 +230,21 @@ class ControlledRobot:
             self._check_sanity()
             self.log.frame()
             self._keep_hold()
-            if self.arm.tip_error_m() > _STUCK_M:
-                raise StuckError
+            lag_m = self.arm.tip_error_m()
+            if lag_m > _STUCK_M:
+                if self._is_touching():
+                    raise StuckError
+                raise UpsetError(
+                    f"the simulated arm lags {lag_m * 1e3:.0f} mm behind its path on "
+                    f"{self.log.phase_now or 'its way'} and touches nothing, so its drives cannot "
+                    "follow there"
+                )
         self.every_step()
+
+    def _is_touching(self) -> bool:
+        """Return whether the arm, or a body that it handles, touches another one."""
+        own = {ROBOT, HAND, *FINGERS, *self.log.handled}
+        return any(len(own & set(pair)) == 1 for pair in self.log.last_pairs)
 
     def move(self, end: Point, path: PosturePath | None = None) -> None:
         """Move the tip straight to a point.

@@ -22,9 +22,10 @@ from skillplan.solvers.learning.episode_training import (
     EpisodeRecord,
     read_array,
 )
-from skillplan.solvers.learning.learner import Episode, Training
+from skillplan.solvers.learning.learner import Episode, Training, is_certain
 from skillplan.solvers.learning.network_policy import ActionRule, NetworkPolicy, allowing
 from skillplan.solvers.learning.observation_counts import ObservationCounts
+from skillplan.task.task import Task
 from skillplan_torch.additions import Plans
 from skillplan_torch.network_learner import (
     FailureLoss,
@@ -104,11 +105,11 @@ class PpoOptions(NetworkOptions):
         le=1e3,
         description="final weight of the entropy, approached linearly [-]",
     )
-    follow: bool = Field(
-        default=True,
+    follow: bool | None = Field(
+        default=None,
         description="evaluate the policy without exploration for an episode after each update; "
         "its steps count, but are not learned from. Never under chance or on several boards, "
-        "because one episode does not suffice [-]",
+        "because one episode does not suffice; null elsewhere true [-]",
     )
     # Additions
     scale_by_success: bool = Field(
@@ -146,6 +147,10 @@ class PpoSolver(NetworkLearner):
         """The probabilities that were learned: temperature 1."""
         return ActionRule("softmax", 1.0)
 
+    def derived(self, tasks: Sequence[Task]) -> dict[str, Any]:
+        """Return the values of options that are null."""
+        return {**super().derived(tasks), **self.where_null(follow=is_certain(tasks))}
+
     def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:
         """Return a training before its first step."""
         options = self.options.model_copy(update=self.derived([m.task for m in env.models]))
@@ -175,7 +180,7 @@ class PpoTraining(NetworkTraining):
         runs = len(seeds)
         # Outputs beyond the actions are always masked.
         self._outputs = padded(self._actions)
-        self._follows = options.follow and self._one_episode_suffices
+        self._follows = options.follow is not False and self._one_episode_suffices
         observations, infos = env.reset(seed=list(seeds))
         features = observations.shape[1]
         hidden = (options.width,) * options.layers
