@@ -248,6 +248,23 @@ def test_both_engines_execute_a_scara(tmp_path, engine):
     assert solution.status == "optimal"
 
 
+@pytest.mark.slow(reason="simulates five skills; verdicts of engines in every run")
+def test_drives_that_cannot_follow_prove_nothing(tmp_path):
+    """They bear the arm, but not its acceleration; masses that are made up they must bear."""
+    pytest.importorskip("skillplan_pybullet")
+    path = write_task(tmp_path)
+    path.write_text(path.read_text("utf-8").replace("tip: tool", "tip: flange"), "utf-8")
+    weak = urdf().replace('effort="100"', 'effort="18"')
+    (tmp_path / "arm.urdf").write_text(weak, "utf-8")
+    setup = Setup(physics="pybullet", collision=("swept",))
+    solution = solve(load_problem(path).task, "exact", setup)
+    assert solution.status == "unsolved"
+    assert "and touches nothing: its drives cannot follow there" in solution.reason
+    massless = weak.replace('<mass value="1.0"/>', "")
+    (tmp_path / "arm.urdf").write_text(massless, "utf-8")
+    assert solve(load_problem(path).task, "exact", setup).status == "optimal"
+
+
 def test_a_mounted_scara_reaches_where_its_base_is_turned():
     """Hanging from the ceiling its tool points up, so nothing is reached from above."""
     hanging = Pose.turned((0.0, 0.0, 1.2), (np.pi, 0.0, 0.0))

@@ -17,6 +17,7 @@ from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
 from skillplan_mujoco.cell_model import ARM_TORSION_M, TIP, format_joint_name
 from skillplan_mujoco.world import World, multiply, multiply_matrices, multiply_transposed
+from skillplan_pinocchio.arm_model import assume_masses
 from skillplan_pinocchio.kinematics.fixed_order import solve_linear
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import (
@@ -203,7 +204,7 @@ class SimulatedArm:
         self.press_n: Vector = np.zeros(3)
         self.setpoint: Setpoint | None = None
         self.shows_hand = True
-        self.limit_nm = np.array(robot.model.torque_nm)
+        self.limit_nm = np.array(assume_masses(robot.model).torque_nm)
         model = world.model
         # The joints of the arm come first, then the joints of the jaws.
         self._count = len(robot.model.joints)

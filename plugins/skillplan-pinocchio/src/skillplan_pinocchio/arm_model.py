@@ -154,13 +154,17 @@ _ASSUMED_KG, _ASSUMED_HALF_M = 0.1, 0.02
 def assume_masses(arm: ArmDescription) -> ArmDescription:
     """Return an arm whose links all have a mass, for engines that move them.
 
-    Links without one get a density of 1,500 kg/m3 in their shapes.
+    Links without one get a density of 1,500 kg/m3 in their shapes. Joints that move such a link
+    have no greatest torque then, because their own may not bear a mass that is made up.
     """
-    if all(joint.link is not None for joint in arm.joints):
+    unknown = [number for number, joint in enumerate(arm.joints) if joint.link is None]
+    if not unknown:
         return arm
     shapes = arm.shapes or ((),) * (len(arm.joints) + 1)
-    joints = tuple(_weigh(joint, own) for joint, own in zip(arm.joints, shapes[1:], strict=True))
-    return replace(arm, joints=joints)
+    joints = [_weigh(joint, own) for joint, own in zip(arm.joints, shapes[1:], strict=True)]
+    last = max(unknown)
+    freed = (replace(joint, torque_nm=None) for joint in joints[: last + 1])
+    return replace(arm, joints=(*freed, *joints[last + 1 :]))
 
 
 def _weigh(joint: Joint, shapes: Sequence[LinkShape]) -> Joint:

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
+from skillplan_pinocchio.arm_model import assume_masses
 from skillplan_pybullet.control import (
     Dynamics,
     PinocchioDynamics,
@@ -91,7 +92,7 @@ class SimulatedArm:
         self.setpoint: Setpoint | None = None
         self.shows_hand = True
         self._joints = self.kinematics.home_rad
-        self.limit_nm = np.array(robot.model.torque_nm)
+        self.limit_nm = np.array(assume_masses(robot.model).torque_nm)
 
     def fit(self, hand: Hand) -> None:
         """Mount the jaws of another hand, wide open; no body may be fixed to the arm."""

@@ -236,15 +236,15 @@ class ControlledRobot:
                     raise StuckError
                 raise UpsetError(
                     f"the simulated arm lags {lag_m * 1e3:.0f} mm behind its path on "
-                    f"{self.log.phase_now or 'its way'} and touches nothing, so its drives cannot "
-                    "follow there"
+                    f"{self.log.phase_now or 'the way to its start'} and touches nothing: its "
+                    "drives cannot follow there"
                 )
         self.every_step()
 
     def _is_touching(self) -> bool:
-        """Return whether the arm, or a body that it handles, touches another one."""
-        own = {ROBOT, HAND, *FINGERS, *self.log.handled}
-        return any(len(own & set(pair)) == 1 for pair in self.log.last_pairs)
+        """Return whether the arm, its tool or the body that it carries touches another one."""
+        own = {ROBOT, HAND, *FINGERS, *self.tools.robot_parts, self.carried}
+        return any((first in own) != (second in own) for first, second in self.log.last_pairs)
 
     def move(self, end: Point, path: PosturePath | None = None) -> None:
         """Move the tip straight to a point.
