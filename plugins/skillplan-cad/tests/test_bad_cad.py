@@ -240,8 +240,8 @@ def test_a_part_without_thickness_is_left_out_by_its_name(capsys, tmp_path, low_
     assert "odd is left out: it is " in warning
 
 
-def test_a_foil_in_a_large_product_is_imported(tmp_path):
-    """Its replay makes no more steps than the tolerance needs."""
+def test_a_foil_in_a_large_product_is_imported(capsys, tmp_path):
+    """Its replay makes no more steps than the tolerance needs; two metres are out of reach."""
     source = tmp_path / "parts"
     source.mkdir()
     plate = trimesh.creation.box((2000, 2000, 10))

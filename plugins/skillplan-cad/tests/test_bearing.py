@@ -139,19 +139,18 @@ def test_what_check_refuses_is_left_out_with_its_words():
     assert task.faults == ()
 
 
-def test_where_nothing_stands_all_parts_are_in_the_task_and_a_warning_says_so():
+def test_where_nothing_stands_there_is_no_task_and_a_warning_says_so():
     """As of round parts that lie; here they are only said to."""
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     known = related(product)
     rolling = {name: LeftOut(name, "not level", "rolls") for name in ("plate", "sleeve")}
     none = Bearing(UP, (), {}, rolling)
     task = build_task(product, known, Planner(product, known).plan(), bearing=none)
-    assert list(task.document["parts"]) == ["plate", "sleeve"]
-    assert task.limits == {"plate": ("rolls",), "sleeve": ("rolls",)}
-    assert "# Beware: sleeve rolls.\n" in task.files["product.yaml"]
+    assert (task.document, task.files) == ({}, {})
+    assert task.left_out == rolling
     message = list_attitude_warnings(product, known, none, "z")
     assert message[0] == ("with z up 0 of 2 parts stand by themselves; with --up z it would be 2.")
-    assert "no part stands on a level face" in message[1]
+    assert message[1] == "with z up no part stands by itself: all need a nest or a fixture."
 
 
 def test_another_side_up_than_z_is_told_and_so_is_a_better_one_than_was_asked_for():

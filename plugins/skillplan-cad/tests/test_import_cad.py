@@ -150,8 +150,7 @@ def test_a_folder_with_anything_in_it_is_left_alone(made, capsys):
 def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     """On stderr, with names, volumes and places; and in the report."""
     source, out = str(file("interfering")), tmp_path / "product"
-    # What overlaps is stuck, too.
-    assert run(["import-cad", source, "--out", str(out), "--format", "json"]) == 1
+    assert run(["import-cad", source, "--out", str(out), "--format", "json"]) == 0
     printed = capsys.readouterr()
     assert "block and pin overlap by 38." in printed.err
     document = json.loads(printed.out)
@@ -191,13 +190,16 @@ def test_a_plan_is_told_and_written_as_a_task(made):
 
 
 @pytest.mark.slow(reason="imports a product more; what is stuck is planned in every run")
-def test_what_is_stuck_is_named_and_no_task_is_written(tmp_path, capsys):
-    """With the part and the point that are in its way; exit code 1."""
+def test_what_is_stuck_is_named_and_the_task_is_written_without_it(tmp_path, capsys):
+    """With the part and the point that are in its way, and the options that may help."""
     out = tmp_path / "product"
-    assert run(["import-cad", str(file("interfering")), "--out", str(out)]) == 1
+    assert run(["import-cad", str(file("interfering")), "--out", str(out)]) == 0
     message = " ".join(capsys.readouterr().err.split())
     assert "pin is stuck among block: no straight move, path or turn" in message
-    assert not (out / "product.yaml").exists()
+    assert "try --leave-out pin, or --press-fit pin,block if it is pressed in" in message
+    assert list(yaml.safe_load((out / "product.yaml").read_text("utf-8"))["parts"]) == ["block"]
+    report = json.loads((out / "report.json").read_text("utf-8"))
+    assert report["left_out_why"] == {"pin": {"kind": "stuck", "by": ["block"]}}
     assert json.loads((out / "relation.json").read_text("utf-8"))["stuck"] == ["pin"]
 
 

@@ -110,6 +110,7 @@ Reason = Literal[
     "tips",
     "floats",
     "from below",
+    "closed in",
     "follows",
     "too heavy",
     "no grasp",
@@ -300,6 +301,18 @@ class Relation:
                 blocking.direction, self._numbers[blocking.part], self._numbers[blocking.by]
             ] = True
         return blocked
+
+    @cached_property
+    def blocker_sets(self) -> tuple[tuple[tuple[int, int], ...], ...]:
+        """For each part, all directions with the blockers there as bits."""
+        weights = [1 << number for number in range(len(self.parts))]
+        return tuple(
+            tuple(
+                (direction, sum(weights[by] for by in np.flatnonzero(rows[part]).tolist()))
+                for direction, rows in enumerate(self.matrix)
+            )
+            for part in range(len(self.parts))
+        )
 
     def blockers(self, part: str, direction: int) -> tuple[str, ...]:
         """Return the names of a part's blockers in a direction, in order."""

@@ -251,7 +251,7 @@ def command(
     the assembly. Writes relation.json (blockings), report.json (parts, masses, overlaps,
     assumptions, plan), exploded.png (drawing) and product.yaml (a task that `skillplan check`
     accepts) with its meshes. Parts that one arm cannot place are left out of the task; the report
-    gives the reasons. If a part is stuck, no task is written.
+    gives the reasons. The exit code is 1 if no part is left for a task.
 
     Each stage is cached, so an interrupted import continues where it stopped. Needs the plugin
     skillplan-cad.

@@ -186,7 +186,7 @@ def import_cad(
     lines = (*_list_findings(product, relation), *findings.joints.notes, *plan.lines)
     messages = (*list_warnings(findings, gaps), *plan.warnings)
     advice = tuple(list_advice(document, relation, out))
-    return Imported(document, lines, messages, advice, "product.yaml" in plan.files)
+    return Imported(document, lines, messages, advice, plan.has_task)
 
 
 def write(folder: Path, files: Mapping[str, str | bytes]) -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +25,7 @@ from skillplan_cad.planning.precedence import list_members
 from skillplan_cad.planning.replay import Replay, replay
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
-from skillplan_cad.reading.product_reader import read_product
+from skillplan_cad.reading.product_reader import fits_pattern, read_product
 from skillplan_cad.reading.step_file import is_step
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
@@ -206,10 +209,7 @@ def list_attitude_warnings(
             f"{name_up_axis(best)} it would be {len(best.order)}."
         )
     if not stand:
-        warnings.append(
-            f"with {up} up no part stands on a level face. All are in product.yaml, and no order "
-            "of them is feasible until a nest holds the first."
-        )
+        warnings.append(f"with {up} up no part stands by itself: all need a nest or a fixture.")
     return warnings
 
 
@@ -246,6 +246,7 @@ _FINER = 0.4
 _SHOWN = 6
 # Largest number of steps that are printed.
 _MOST_STEPS = 12
+_LEAST_PATTERN = 3
 # Play of a pressed shaft in the written task, on each side: back ends press nothing together [m].
 _ENGINE_PLAY_M = 4e-4
 
@@ -256,16 +257,16 @@ class Planned:
 
     Parameters
     ----------
-    complete
-        True if all parts are assembled.
+    has_task
+        True if `product.yaml` is among the files.
     document
         Fields of `report.json` about the plan.
     files
-        Contents of `product.yaml` and the meshes; empty if parts are stuck.
+        Contents of `product.yaml` and the meshes, if a part is left for the task.
     """
 
     relation: Relation
-    complete: bool
+    has_task: bool
     document: Mapping[str, Any]
     files: Mapping[str, str | bytes]
     lines: tuple[str, ...]
@@ -294,48 +295,107 @@ def plan_product(
         files["exploded.png"] = draw(product.name, place_bodies(product, plan))
     warnings = _list_warnings(plan, again)
     lines = _list_lines(plan, again)
-    if plan.complete:
-        document["attitude"] = build_attitude_document(bearing)
-        warnings += list_attitude_warnings(product, relation, bearing, settings.up)
-        words = "is an open surface; --thickness MM makes it a sheet"
-        sheets = {
-            part.name: LeftOut(part.name, "surface", words)
-            for part in product
-            if part.closure == "surface" and settings.thickness_mm is None
-        }
-        contacts = findings.joints.contacts
-        loose = relieve_fits(findings.product, contacts, tolerance_m, _ENGINE_PLAY_M)
-        remarks = {
-            thinner.name: f"is written with {_ENGINE_PLAY_M * 1000:g} mm of play in its press "
-            "fits, as no back end presses parts together"
-            for drawn, thinner in zip(findings.product, loose, strict=True)
-            if drawn is not thinner
-        }
-        arm = settings.robot
-        if arm == AUTO_ARM:
-            without = {*sheets, *(bearing.why_not if bearing.order else ())}
-            arm = choose_arm([part for part in loose if part.name not in without], bearing.up)
-            if arm != DEFAULT_ARM:
-                lines.append(
-                    f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}"
-                )
-        task = build_task(loose, relation, plan, arm, bearing, sheets, remarks)
-        left_out = {**bearing.why_not, **sheets} if task is None else task.left_out
-        document |= build_left_out_document(left_out)
-        if task is None:
-            warnings.append("No part is left that one arm could place: no product.yaml is written.")
-        else:
-            files |= task.files
-            document |= _build_task_document(task, relation)
-            warnings += _list_task_warnings(task, document["pieces"])
+    words = "is an open surface; --thickness MM makes it a sheet"
+    without = {
+        part.name: LeftOut(part.name, "surface", words)
+        for part in product
+        if part.closure == "surface" and settings.thickness_mm is None
+    }
+    stuck = list_stuck(plan, relation)
+    warnings += shorten_list(
+        [f"{name} is left out of the task: it {reason.text}." for name, reason in stuck.items()],
+        "left_out",
+    )
+    without |= stuck
+    if without:
+        bearing = find_bearing(product, relation, bearing.up, without)
+    document["attitude"] = build_attitude_document(bearing)
+    warnings += list_attitude_warnings(product, relation, bearing, settings.up)
+    contacts = findings.joints.contacts
+    loose = relieve_fits(findings.product, contacts, tolerance_m, _ENGINE_PLAY_M)
+    remarks = {
+        thinner.name: f"is written with {_ENGINE_PLAY_M * 1000:g} mm of play in its press "
+        "fits, as no back end presses parts together"
+        for drawn, thinner in zip(findings.product, loose, strict=True)
+        if drawn is not thinner
+    }
+    arm = settings.robot
+    if arm == AUTO_ARM:
+        placed = [part for part in loose if part.name in bearing.order]
+        arm = choose_arm(placed, bearing.up) if placed else DEFAULT_ARM
+        if arm != DEFAULT_ARM:
+            lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
+    task = build_task(loose, relation, plan, arm, bearing, without, remarks)
+    document |= build_left_out_document(task.left_out)
+    if task.document:
+        files |= task.files
+        document |= _build_task_document(task, relation)
+        warnings += _list_task_warnings(task, document["pieces"])
+    else:
+        warnings.append("No part is left that one arm could place: no product.yaml is written.")
     return Planned(
         add_groups(relation, plan),
-        plan.complete,
+        bool(task.document),
         document,
         files,
         tuple(lines),
         tuple(warnings),
     )
+
+
+def list_stuck(plan: AssemblyPlan, relation: Relation) -> dict[str, LeftOut]:
+    """Return the stuck parts that the plan does without, with options that may help."""
+    reasons: dict[str, LeftOut] = {}
+    stuck_of = {stuck.part: stuck for stuck in plan.stuck}
+    overlapping = {frozenset(contact.parts) for contact in relation.contacts if contact.interferes}
+    for name in plan.withdrawn:
+        stuck = stuck_of[name]
+        by = tuple(met.part for met in stuck.search.in_the_way) or stuck.among[:_SHOWN]
+        shown = " and ".join(by[:_SHOWN])
+        if stuck.search.outcome == "not searched":
+            words = f"was not examined in time: straight moves are blocked by {shown}"
+            reasons[name] = LeftOut(name, "not examined", words, by)
+            continue
+        overlapped = [other for other in by if frozenset((name, other)) in overlapping]
+        words = f"is stuck in {' and '.join(overlapped[:_SHOWN]) or shown}"
+        advice = [f"--leave-out {shlex.quote(name)}"]
+        for other in overlapped[:1] or by[:1]:
+            pattern = find_common_pattern((name, other), relation.names)
+            if pattern is not None:
+                advice.insert(0, f"--as-one {shlex.quote(pattern)} if they are bought as one part")
+        if overlapped:
+            advice.append(
+                f"--press-fit {shlex.quote(f'{name},{overlapped[0]}')} if it is pressed in"
+            )
+        reasons[name] = LeftOut(name, "stuck", f"{words}; try {', or '.join(advice)}", by)
+    return reasons
+
+
+def find_common_pattern(pair: tuple[str, str], names: Sequence[str]) -> str | None:
+    """Return a pattern for `--as-one` that fits two names and no other, or None."""
+    words = [name.rpartition("/")[2] for name in pair]
+    starts = _find_common_start(*words)
+    ends = _find_common_start(*(word[::-1] for word in words))[::-1]
+    above = [name.rpartition("/")[0] for name in pair]
+    patterns = [f"{escape_pattern(starts)}*", f"*{escape_pattern(ends)}"]
+    if above[0] == above[1] and above[0]:
+        patterns.append(f"{escape_pattern(above[0])}/*")
+    for pattern in patterns:
+        if len(pattern) > _LEAST_PATTERN and {
+            name for name in names if fits_pattern(name, pattern)
+        } == set(pair):
+            return pattern
+    return None
+
+
+def _find_common_start(first: str, second: str) -> str:
+    pairs = takewhile(lambda pair: pair[0] == pair[1], zip(first, second, strict=False))
+    return "".join(letter for letter, _ in pairs)
+
+
+def escape_pattern(text: str) -> str:
+    """Return a text as a pattern that fits nothing else."""
+    return re.sub(r"([*?[])", r"[\1]", text)
 
 
 def _build_task_document(task: WrittenTask, relation: Relation) -> dict[str, Any]:
@@ -439,6 +499,7 @@ def _warn_of_stuck(stuck: Stuck) -> str:
     words = {
         "closed": "no straight move, path or turn that was searched leads out",
         "budget spent": f"no way out was found in {stuck.search.iterations} iterations",
+        "not searched": "only straight moves were examined",
     }[stuck.search.outcome]
     return (
         f"{stuck.part} is stuck among {_name_first(stuck.among)}: {words}. In its way: "

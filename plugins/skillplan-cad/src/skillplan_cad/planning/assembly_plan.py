@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from skillplan_cad.planning.free_paths import FreePath, Move, find_free_path
+from skillplan_cad.planning.free_paths import FreePath, Move, find_free_path, get_inset_m
 from skillplan_cad.planning.precedence import (
     Precedence,
     derive_precedence,
@@ -16,8 +18,9 @@ from skillplan_cad.planning.precedence import (
     list_members,
 )
 from skillplan_cad.planning.sequence import Removal, Sequencer
+from skillplan_cad.planning.shrunk_meshes import MeshTrees
 from skillplan_cad.planning.stability import Stability
-from skillplan_cad.product import Product, Vector
+from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.relation import Relation
 
 
@@ -216,6 +219,37 @@ def list_names(parts: int, precedence: Precedence) -> tuple[str, ...]:
 
 DRIVER, GRIPPER = "screwdriver", "gripper"
 _MOST_FOR_ALL_FORCES = 60
+_ALMOST = 0.9
+_EFFORT, _PART_SHARE = 6_000.0, 0.2
+_SLOW_S = 2.0
+
+
+class Watch:
+    """Reports the progress of planning, and says when to stop.
+
+    Parameters
+    ----------
+    tell
+        Prints a line.
+    must_stop
+        Returns True once the time is over, or after Ctrl-C.
+    """
+
+    def __init__(
+        self,
+        tell: Callable[[str], None] = lambda line: None,
+        must_stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.tell, self.must_stop = tell, must_stop
+
+    @contextmanager
+    def examine(self, text: str) -> Iterator[None]:
+        """Print a line about work that took over two seconds."""
+        start_s = time.monotonic()
+        yield
+        seconds = time.monotonic() - start_s
+        if seconds > _SLOW_S:
+            self.tell(f"{text}: {seconds:.0f} s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,6 +327,8 @@ class AssemblyPlan:
         Cost of the order [-].
     cheapest
         True if the order is proved optimal.
+    withdrawn
+        Stuck parts that are left out, because the others then come together.
     """
 
     base: str
@@ -304,6 +340,7 @@ class AssemblyPlan:
     precedence: Precedence
     cost: float
     cheapest: bool
+    withdrawn: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -325,9 +362,10 @@ class _Work:
     directions: list[Vector]
     paths: dict[int, FreePath] = field(default_factory=dict)
     removed: list[tuple[int, Removal, int, int]] = field(default_factory=list)
-    searched: dict[tuple[int, int], FreePath] = field(default_factory=dict)
-    subassemblies: list[tuple[str, ...]] = field(default_factory=list)
-    stuck: list[Stuck] = field(default_factory=list)
+    searched: dict[int, tuple[int, FreePath]] = field(default_factory=dict)
+    subassemblies: list[tuple[int, int]] = field(default_factory=list)
+    stuck: dict[int, Stuck] = field(default_factory=dict)
+    withdrawn: list[int] = field(default_factory=list)
     cost: float = 0.0
     cheapest: bool = True
 
@@ -339,6 +377,12 @@ class Planner:
     ----------
     tolerance_m
         Distance by which meshes are shrunk for path searches [m].
+    budget
+        Iteration limit of a path search.
+    effort
+        Limit of the work of all path searches, as in `find_free_path`; a fifth of it for a part.
+    watch
+        Reports progress, and says when to stop.
     """
 
     def __init__(
@@ -347,9 +391,13 @@ class Planner:
         relation: Relation,
         tolerance_m: float = 1e-4,
         budget: int = 5_000,
+        effort: float = _EFFORT,
+        watch: Watch | None = None,
     ) -> None:
         self._product, self._relation = product, relation
-        self._tolerance_m, self._budget = tolerance_m, budget
+        self._tolerance_m, self._budget, self._effort = tolerance_m, budget, effort
+        self._watch = watch or Watch()
+        self._trees = MeshTrees(get_inset_m(tolerance_m))
         self._touches = find_touching(relation)
         self._stability = Stability(product, relation)
         self._tools = _tools(relation)
@@ -369,25 +417,34 @@ class Planner:
         up
             Vector that points up in the finished product.
         grounded
-            Names of the parts that stand on the table by themselves. The base is chosen among them
-            if all others come off one of them.
+            Names of the parts that stand on the table by themselves. One of them is the base if it
+            has almost the mass and the contacts of the best part.
         """
         precedence = derive_precedence(self._relation)
         number, why = self._choose_base(precedence, base, grounded)
         locks = find_groups(self._relation, precedence, 1 << number).locks
         work = _Work(precedence, list(self._relation.directions))
         self._take_apart(work, precedence.everything, number, up)
-        steps = tuple(self._build_step(work, *removed) for removed in reversed(work.removed))
+        kept = precedence.everything & ~encode_set(work.withdrawn)
+        names = self._relation.names
         return AssemblyPlan(
-            self._relation.names[number],
+            names[number],
             why,
-            steps,
-            tuple(reversed(work.subassemblies)),
-            tuple(work.stuck),
+            tuple(
+                self._build_step(work, moved & kept, removal, present & kept, base)
+                for moved, removal, present, base in reversed(work.removed)
+            ),
+            tuple(
+                (names[inner], *list_names(moved & kept & ~(1 << inner), precedence))
+                for inner, moved in reversed(work.subassemblies)
+                if (moved & kept).bit_count() > 1
+            ),
+            tuple(work.stuck[part] for part in sorted(work.stuck)),
             locks,
             work.precedence,
             round(work.cost, 6),
             work.cheapest,
+            tuple(names[part] for part in work.withdrawn),
         )
 
     def _choose_base(
@@ -400,10 +457,13 @@ class Planner:
         others = max(1, len(masses) - 1)
         shares = masses / masses.sum()
         touched = np.array([touched_parts.bit_count() for touched_parts in self._touches]) / others
-        names = self._relation.names
-        order = sorted(range(len(masses)), key=lambda n: (-(shares[n] + touched[n]), n))
+        names, kinds = self._relation.names, [part.kind for part in self._relation.parts]
+        scores = shares + touched
+        order = sorted(range(len(masses)), key=lambda n: (kinds[n] != "part", -scores[n], n))
         free = [n for n in order if precedence.find_core(fixed=1 << n) == 1 << n]
-        best = next((n for n in free if names[n] in grounded), (free or order)[0])
+        first = (free or order)[0]
+        alike = [n for n in free or order if scores[n] >= _ALMOST * scores[first]]
+        best = next((n for n in alike if names[n] in grounded), first)
         why = (
             f"It has {shares[best]:.0%} of the mass and touches "
             f"{self._touches[best].bit_count()} of the {others} other parts"
@@ -436,7 +496,7 @@ class Planner:
                 present = split.left
             elif not self._find_path(work, present, base):
                 self._note_stuck(work, present, base)
-                return
+                present &= ~(1 << self._withdraw(work, present, base))
 
     def _take_off(
         self, work: _Work, moved: int, direction: int, present: int, base: int, up: Vector
@@ -449,8 +509,7 @@ class Planner:
         work.removed.append((moved, single, present, base))
         masses = {n: self._product.parts[n].mass_kg for n in list_members(moved)}
         inner = max(masses, key=lambda n: (masses[n], -n))
-        names = list_names(moved & ~(1 << inner), work.precedence)
-        work.subassemblies.append((work.precedence.names[inner], *names))
+        work.subassemblies.append((inner, moved))
         self._take_apart(work, moved, inner, above)
 
     def _find_path(self, work: _Work, present: int, base: int) -> bool:
@@ -459,15 +518,15 @@ class Planner:
         for part in sorted(
             list_members(present & ~(1 << base)), key=lambda n: (parts[n].volume_m3, n)
         ):
-            if (part, present) in work.searched:
+            if not self._needs_search(work, part, present):
                 continue
             fastener = self._relation.fastener(parts[part].name)
             gripped = encode_set(
                 [self._product.index(name) for name in (fastener.threaded_in if fastener else ())]
             )
             standing = [parts[n] for n in list_members(present & ~(1 << part) & ~gripped)]
-            path = find_free_path([parts[part]], standing, self._tolerance_m, self._budget)
-            work.searched[part, present] = path
+            path = self._search_path(parts[part], standing)
+            work.searched[part] = (present, path)
             if path.outcome == "free":
                 number = len(work.directions)
                 offset = np.asarray(path.moves[-1].offset_m)
@@ -480,11 +539,42 @@ class Planner:
                 return True
         return False
 
+    def _search_path(self, part: Part, standing: Sequence[Part]) -> FreePath:
+        """Search a path with a share of the effort that is left."""
+        if self._watch.must_stop() or self._effort <= 0:
+            return FreePath("not searched", (), 0, False, ())
+        effort = min(_PART_SHARE * _EFFORT, self._effort)
+        with self._watch.examine(f"planning: a way out for {part.name}"):
+            path = find_free_path(
+                [part], standing, self._tolerance_m, self._budget, True, effort, self._trees
+            )
+        self._effort -= path.effort
+        return path
+
+    def _needs_search(self, work: _Work, part: int, present: int) -> bool:
+        """Return whether a search can end otherwise than the last one of the part."""
+        if part not in work.searched:
+            return True
+        before, path = work.searched[part]
+        met = encode_set([self._relation.index(obstacle.part) for obstacle in path.in_the_way])
+        return bool(before & ~present & met)
+
     def _note_stuck(self, work: _Work, present: int, base: int) -> None:
         names = work.precedence.names
         for part in list_members(present & ~(1 << base)):
             among = list_names(present & ~(1 << part), work.precedence)
-            work.stuck.append(Stuck(names[part], among, work.searched[part, present]))
+            work.stuck.setdefault(part, Stuck(names[part], among, work.searched[part][1]))
+
+    def _withdraw(self, work: _Work, present: int, base: int) -> int:
+        """Leave out the part without which most others come off; ties go to the smallest."""
+        gains = {
+            part: -work.precedence.find_core(present & ~(1 << part), 1 << base).bit_count()
+            for part in list_members(present & ~(1 << base))
+        }
+        parts = self._product.parts
+        part = max(gains, key=lambda n: (gains[n], -parts[n].volume_m3, n))
+        work.withdrawn.append(part)
+        return part
 
     def _build_step(
         self, work: _Work, moved: int, removal: Removal, present: int, base: int

@@ -1,8 +1,8 @@
-"""Find the supports of each placed part: the table, or parts placed before.
+"""Find the supports and the order in which one arm places the parts, without turning the product.
 
-The arm releases a placed part, so it needs a level face below, of the table or a supported part,
-with its centre of mass above. Parts held by their fit alone, such as a pin in a hole or a cap on a
-shaft, need a second hand, a press or a nest, which tasks lack.
+The arm releases a placed part, so contact forces of the table and of parts placed before must keep
+it there. The order is found backwards: a part is taken away upwards or sideways as soon as no other
+is in its way and no other needs it. A part that is never free in this way is left out.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan_cad.planning.equilibrium import Equilibrium
+from skillplan_cad.planning.precedence import encode_set, list_members
 from skillplan_cad.planning.stability import find_axes_across, is_over
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Contact, LeftOut, Relation
@@ -36,47 +38,76 @@ _SAME_M = 1e-5
 _FEWEST_POINTS = 3
 _SHOWN = 3
 _ROUND = ("cylinder", "cone", "sphere", "torus")
+# Cosine of a direction that is level, and of two directions that are one.
+_SIDEWAYS, _ALONG = 1e-3, 0.999
+# Largest number of parts that are tried one by one for leaving out.
+_MOST_TRIED = 40
 
 
 @dataclass(frozen=True, slots=True)
 class Bearing:
-    """Supports of the parts in one orientation.
+    """Supports and order of the parts in one orientation.
 
     Parameters
     ----------
     up
         Vector that points up, in the product's frame.
     order
-        Supported parts, each after its supports.
+        Supported parts in an order of assembly, each after its supports.
     on
         Supports of these parts; empty for parts on the table alone.
     why_not
-        Reasons why the other parts lack support.
+        Reasons why the other parts that a hand brings are left out.
+    undriven
+        Reasons why screws and nuts are left out.
     """
 
     up: Vector
     order: tuple[str, ...]
     on: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     why_not: Mapping[str, LeftOut] = field(default_factory=dict)
+    undriven: Mapping[str, LeftOut] = field(default_factory=dict)
 
 
-def find_bearing(product: Product, relation: Relation, up: Vector) -> Bearing:
-    """Return the supports of each part that a hand brings, in one orientation.
+def find_bearing(
+    product: Product,
+    relation: Relation,
+    up: Vector,
+    absent: Collection[str] = (),
+    equilibrium: Equilibrium | None = None,
+) -> Bearing:
+    """Return the supports and the order of the parts that one arm brings, in one orientation.
 
     The lowest parts are left out if more parts then stand in one group, such as above a cap that
     hangs below its mate.
+
+    Parameters
+    ----------
+    absent
+        Names of parts that are not there.
+    equilibrium
+        Contact forces of the product, which orientations share.
     """
-    return _Standing(product, relation, up).best()
+    forces = equilibrium or Equilibrium(product, relation)
+    return _Standing(product, relation, up, forces, absent).best()
 
 
-def find_best_bearing(product: Product, relation: Relation) -> Bearing:
-    """Return the orientation that supports the most parts; the first wins ties."""
+def find_best_bearing(
+    product: Product, relation: Relation, absent: Collection[str] = ()
+) -> Bearing:
+    """Return the orientation in which most parts are placed; ties go to mass, then to the first."""
+    forces = Equilibrium(product, relation)
+    masses = {part.name: part.mass_kg for part in product}
+    driven = relation.driven - set(absent)
     best: Bearing | None = None
+    best_key = (0, 0.0)
     for up in ATTITUDES.values():
-        bearing = find_bearing(product, relation, up)
-        if best is None or len(bearing.order) > len(best.order):
-            best = bearing
-        if not best.why_not:
+        bearing = find_bearing(product, relation, up, absent, forces)
+        count = len(bearing.order) + len(driven - bearing.undriven.keys())
+        key = (count, round(sum(masses[name] for name in bearing.order) / sum(masses.values()), 1))
+        if best is None or key > best_key:
+            best, best_key = bearing, key
+        if not best.why_not and not best.undriven:
             break
     assert best is not None
     return best
@@ -85,11 +116,23 @@ def find_best_bearing(product: Product, relation: Relation) -> Bearing:
 class _Standing:
     """A product in one orientation."""
 
-    def __init__(self, product: Product, relation: Relation, up: Vector) -> None:
+    def __init__(
+        self,
+        product: Product,
+        relation: Relation,
+        up: Vector,
+        equilibrium: Equilibrium,
+        absent: Collection[str],
+    ) -> None:
         self._up, self._vector, self._plan = up, np.asarray(up), find_axes_across(up)
-        self._product, self._relation = product, relation
-        driven = relation.driven
-        self._parts = {part.name: part for part in product if part.name not in driven}
+        self._product, self._relation, self._equilibrium = product, relation, equilibrium
+        self._absent = set(absent)
+        self._driven = {name for name in relation.driven if name not in self._absent}
+        self._parts = {
+            part.name: part
+            for part in product
+            if part.name not in relation.driven and part.name not in self._absent
+        }
         self._centres = {
             name: self._plan @ np.asarray(part.centre_m) for name, part in self._parts.items()
         }
@@ -97,44 +140,237 @@ class _Standing:
             name: float((part.vertices_m @ self._vector).min())
             for name, part in self._parts.items()
         }
+        self._feet: dict[str, Array] = {}
         self._beneath: dict[str, dict[str, Array]] = {name: {} for name in self._parts}
+        self._lost: dict[str, list[str]] = {name: [] for name in self._parts}
         for contact in relation.contacts:
             for upper, lower, points in self._find_level_contacts(contact):
                 if upper in self._parts and lower in self._parts:
                     self._beneath[upper][lower] = points
+                elif upper in self._parts and lower in self._absent:
+                    self._lost[upper].append(lower)
+        self._numbers = {name: number for number, name in enumerate(relation.names)}
+        self._touched = dict.fromkeys(self._parts, 0)
+        for contact in relation.contacts:
+            for name, other in (contact.parts, contact.parts[::-1]):
+                if name in self._touched:
+                    self._touched[name] |= 1 << self._numbers[other]
+        self._known: dict[tuple[str, int, bool], bool] = {}
+        self._joined = {
+            name: set(fastener.joins)
+            for name in self._driven
+            for fastener in (relation.fastener(name),)
+            if fastener is not None
+        }
 
     def best(self) -> Bearing:
-        """Return the largest set of parts that stand."""
+        """Return the largest set of parts that one arm places."""
         present = set(self._parts)
-        best: dict[str, tuple[str, ...]] = {}
-        while len(present) > len(best):
-            borne = self._find_supported(present)
+        undriven = self._find_undriven()
+        best = self._order({}, 0.0, undriven)
+        while present and len(present) > len(best.order):
+            ground = min(self._lowest[name] for name in present)
+            borne = self._find_supported(present, ground)
             # Without its base, the rest of the product must be in one piece.
             whole = len(present) == len(self._parts) or self._is_connected(borne)
-            if len(borne) > len(best) and whole:
-                best = borne
-            ground = min(self._lowest[name] for name in present)
+            if len(borne) > len(best.order) and whole:
+                bearing = self._order(borne, ground, undriven)
+                if len(bearing.order) > len(best.order):
+                    best = bearing
             present = {name for name in present if self._lowest[name] > ground + _TOUCH_M}
-        others = [name for name in self._parts if name not in best]
-        return Bearing(self._up, tuple(best), best, {n: self._explain(n, best) for n in others})
+        return best
 
-    def _find_supported(self, present: Collection[str]) -> dict[str, tuple[str, ...]]:
-        """Return the supported parts in order, each with its supports."""
-        ground = min(self._lowest[name] for name in present)
+    def _find_undriven(self) -> dict[str, LeftOut]:
+        """Return the screws and nuts that are driven from below."""
+        words = "is driven from below: the product has to be turned over, or held up by a fixture"
+        return {
+            name: LeftOut(name, "from below", words)
+            for name in sorted(self._driven, key=self._numbers.__getitem__)
+            if float(np.dot(self._get_axis(name), self._vector)) < -_SIDEWAYS
+        }
+
+    def _get_axis(self, name: str) -> Vector:
+        fastener = self._relation.fastener(name)
+        assert fastener is not None
+        return fastener.axis
+
+    def _find_supported(
+        self, present: Collection[str], ground: float
+    ) -> dict[str, tuple[str, ...]]:
+        """Return the supported parts, each after its supports."""
         supports_of: dict[str, tuple[str, ...]] = {}
         waiting = [name for name in self._parts if name in present]
+        standing = 0
         while True:
             for name in waiting:
-                bearers = [other for other in self._beneath[name] if other in supports_of]
-                corners = [self._beneath[name][bearer] for bearer in bearers]
-                if self._lowest[name] < ground + _TOUCH_M:
-                    corners.append(self._find_foot(name))
-                if corners and is_over(self._centres[name], np.concatenate(corners)):
-                    supports_of[name] = tuple(bearers)
+                if self._stays(name, standing, ground):
+                    supports_of[name] = self._list_bearers(name, supports_of)
+                    standing |= 1 << self._numbers[name]
                     waiting.remove(name)
                     break
             else:
                 return supports_of
+
+    def _stays(self, name: str, standing: int, ground: float) -> bool:
+        """Return whether the table and parts that stand keep a part in place."""
+        grounded = self._lowest[name] < ground + _TOUCH_M
+        key = (name, standing & self._touched[name], grounded)
+        if key not in self._known:
+            corners = [
+                points
+                for other, points in self._beneath[name].items()
+                if standing >> self._numbers[other] & 1
+            ]
+            foot = self._find_foot(name) if grounded else None
+            if foot is not None:
+                corners.append(foot @ self._plan.T)
+            level = bool(corners) and is_over(self._centres[name], np.concatenate(corners))
+            self._known[key] = level or self._equilibrium.stays(
+                self._numbers[name], key[1], self._up, foot
+            )
+        return self._known[key]
+
+    def _list_bearers(self, name: str, borne: Mapping[str, object]) -> tuple[str, ...]:
+        """Return the parts that bear a part: those beneath level faces, or any that push it up."""
+        bearers = [other for other in self._beneath[name] if other in borne]
+        there = encode_set([self._numbers[other] for other in borne])
+        if not bearers:
+            numbers = self._equilibrium.list_bearers(self._numbers[name], there, self._up)
+            bearers = [self._relation.names[number] for number in numbers]
+        return tuple(bearers)
+
+    def _order(
+        self, borne: Mapping[str, tuple[str, ...]], ground: float, undriven: Mapping[str, LeftOut]
+    ) -> Bearing:
+        """Return an order of the supported parts, without those that spoil every order."""
+        kept, reasons = dict(borne), dict(undriven)
+        while True:
+            self._drop_loose(kept, reasons)
+            screws = self._driven - reasons.keys()
+            everything = encode_set([self._numbers[name] for name in (*kept, *screws)])
+            removed, left = self._take_away(everything, ground)
+            if not left:
+                break
+            name = self._choose_withdrawn(left, ground)
+            reasons[name] = self._explain_closed_in(name, left)
+            kept.pop(name, None)
+            there = {other for other in kept if other not in reasons}
+            kept = self._find_supported(there, ground)
+        order = [name for name in reversed(removed) if name in kept]
+        standing: dict[str, tuple[str, ...]] = {}
+        for name in order:
+            standing[name] = self._list_bearers(name, standing)
+        why_not = {name: reason for name, reason in reasons.items() if name in self._parts}
+        why_not = self._explain_all(standing, why_not)
+        undriven = {name: reason for name, reason in reasons.items() if name in self._driven}
+        return Bearing(self._up, tuple(order), standing, why_not, undriven)
+
+    def _drop_loose(self, kept: Mapping[str, object], reasons: dict[str, LeftOut]) -> None:
+        """Leave out the screws and nuts that join a part that is left out."""
+        there = set(kept) | (self._driven - reasons.keys())
+        changed = True
+        while changed:
+            changed = False
+            for name in sorted(there & self._driven, key=self._numbers.__getitem__):
+                fastener = self._relation.fastener(name)
+                for join in fastener.joins if fastener else ():
+                    if join not in there:
+                        words = f"goes through or into {join}, which is left out"
+                        reasons[name] = LeftOut(name, "follows", words, (join,))
+                        there.discard(name)
+                        changed = True
+                        break
+
+    def _take_away(self, present: int, ground: float) -> tuple[list[str], int]:
+        """Return the parts that can be taken away one by one, in order, and the rest."""
+        removed: list[str] = []
+        names = self._relation.names
+        # From the top: parts below may still be needed.
+        order = sorted(list_members(present), key=lambda n: (-self._get_height(names[n]), -n))
+        progress = True
+        while progress:
+            progress = False
+            for number in order:
+                if present >> number & 1 and self._is_free(number, present, ground):
+                    present &= ~(1 << number)
+                    removed.append(names[number])
+                    progress = True
+        return removed, present
+
+    def _get_height(self, name: str) -> float:
+        part = self._product.parts[self._numbers[name]]
+        return round(float(np.asarray(part.centre_m) @ self._vector), 6)
+
+    def _is_free(self, number: int, present: int, ground: float) -> bool:
+        """Return whether a part can leave upwards or sideways, and all others stay."""
+        name, others = self._relation.names[number], present & ~(1 << number)
+        joined = any(
+            name in joins and others >> self._numbers[screw] & 1
+            for screw, joins in self._joined.items()
+        )
+        if joined or not any(
+            not blockers & others for blockers in self._list_blockers(number, name)
+        ):
+            return False
+        return all(
+            self._stays(other, others, ground)
+            for other, touched in self._touched.items()
+            if touched >> number & 1 and others >> self._numbers[other] & 1
+        )
+
+    def _list_blockers(self, number: int, name: str) -> list[int]:
+        """Return the blockers of a part in each direction that is not downwards."""
+        if name in self._driven:
+            axis = np.asarray(self._get_axis(name))
+            return [
+                blockers
+                for direction, blockers in self._relation.blocker_sets[number]
+                if float(np.dot(self._relation.directions[direction], axis)) > _ALONG
+            ] or [0]
+        return [
+            blockers
+            for direction, blockers in self._relation.blocker_sets[number]
+            if float(np.dot(self._relation.directions[direction], self._vector)) > -_SIDEWAYS
+        ]
+
+    def _choose_withdrawn(self, left: int, ground: float) -> str:
+        """Return the part without which most others are placed; ties go to the lightest."""
+        masses = {n: self._product.parts[n].mass_kg for n in list_members(left)}
+        tried = sorted(masses, key=lambda n: (masses[n], n))[:_MOST_TRIED]
+        rests = {n: self._take_away(left & ~(1 << n), ground)[1].bit_count() for n in tried}
+        number = min(tried, key=lambda n: (rests[n], masses[n], n))
+        return self._relation.names[number]
+
+    def _explain_closed_in(self, name: str, left: int) -> LeftOut:
+        """Return the reason why a part is never free."""
+        number = self._numbers[name]
+        others = left & ~(1 << number)
+        below = [
+            direction
+            for direction, blockers in self._relation.blocker_sets[number]
+            if not blockers & others
+        ]
+        if below and name not in self._driven:
+            words = "comes from below: the product has to be turned over, or held up by a fixture"
+            return LeftOut(name, "from below", words)
+        sets = self._list_blockers(number, name)
+        fewest = min(sets, key=lambda blockers: (blockers & others).bit_count(), default=0)
+        by = tuple(self._relation.names[n] for n in list_members(fewest & others))
+        words = (
+            f"cannot be placed before or after {_format_names(list(by))}"
+            if by
+            else "is needed as a support by parts that must be placed before it"
+        )
+        return LeftOut(name, "closed in", words, by)
+
+    def _explain_all(
+        self, borne: Mapping[str, object], known: Mapping[str, LeftOut]
+    ) -> dict[str, LeftOut]:
+        return {
+            name: known.get(name) or self._explain(name, borne)
+            for name in self._parts
+            if name not in borne
+        }
 
     def _is_connected(self, names: Collection[str]) -> bool:
         """Return whether contacts connect all parts."""
@@ -147,7 +383,12 @@ class _Standing:
         return len(reached) == len(names)
 
     def _find_foot(self, name: str) -> Array:
-        """Return the corners of the level faces that a part stands on, in plan view."""
+        """Return the corners of the level faces that a part stands on."""
+        if name not in self._feet:
+            self._feet[name] = self._compute_foot(name)
+        return self._feet[name]
+
+    def _compute_foot(self, name: str) -> Array:
         part = self._parts[name]
         corners = part.vertices_m[part.triangles]
         heights = corners @ self._vector
@@ -157,7 +398,7 @@ class _Standing:
             # A level chord of a round face does not prevent rolling.
             level[face.triangles] &= face.kind not in _ROUND
         low = (heights < self._lowest[name] + _TOUCH_M).all(axis=1)
-        return np.asarray(corners[level & low].reshape(-1, 3) @ self._plan.T)
+        return np.asarray(corners[level & low].reshape(-1, 3))
 
     def _find_level_contacts(self, contact: Contact) -> Iterator[tuple[str, str, Array]]:
         """Yield which part of a contact stands on the other, and where in plan."""
@@ -182,7 +423,7 @@ class _Standing:
         level = counts[which] >= _FEWEST_POINTS
         return np.asarray(points[level] if level.any() else points)
 
-    def _explain(self, name: str, borne: Collection[str]) -> LeftOut:
+    def _explain(self, name: str, borne: Mapping[str, object]) -> LeftOut:
         """Return the reason why a part lacks support."""
         beneath = list(self._beneath[name])
         there = [other for other in beneath if other in borne]
@@ -195,7 +436,11 @@ class _Standing:
         ]
         ground = min((self._lowest[supported] for supported in borne), default=-np.inf)
         below = self._lowest[name] < ground - _TOUCH_M
-        if below and is_over(self._centres[name], self._find_foot(name)):
+        lost = self._lost[name]
+        if lost:
+            words = f"stands on {_format_names(lost)}, which is left out"
+            return LeftOut(name, "follows", words, tuple(lost))
+        if below and is_over(self._centres[name], self._find_foot(name) @ self._plan.T):
             words = "stands lower than all others, more of which stand without it"
             return LeftOut(name, "hangs lower", words)
         if there:
@@ -206,6 +451,10 @@ class _Standing:
         if beneath:
             words = f"stands on {_format_names(beneath)} alone, which nothing bears"
             return LeftOut(name, "follows", words, tuple(beneath))
+        bearers = self._list_bearers(name, borne)
+        if bearers:
+            words = f"would slip or roll off {_format_names(list(bearers))}"
+            return LeftOut(name, "tips", words, bearers)
         if touched:
             words = (
                 f"has no level face beneath it: only its fit to {_format_names(touched)} holds it, "

@@ -1,14 +1,15 @@
 """Search removal paths that are not straight: A* over translations, then with turns.
 
-There are three outcomes. *free*: a path was found and checked in small steps. *closed*: the search
-covered everything reachable on the lattice without a way out. *budget spent*: undecided. The budget
-counts iterations, never time.
+There are four outcomes. *free*: a path was found and checked in small steps. *closed*: the search
+covered everything reachable on the lattice without a way out. *budget spent*: undecided.
+*not searched*: the time was over before. Budgets count iterations and effort, never time.
 """
 
 from __future__ import annotations
 
 import heapq
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -24,10 +25,10 @@ from skillplan_cad.planning.motion_space import (
     list_stops,
     rotate_about,
 )
-from skillplan_cad.planning.shrunk_meshes import build_mesh_trees
+from skillplan_cad.planning.shrunk_meshes import MeshTrees
 from skillplan_cad.product import Part, Vector
 
-Outcome = Literal["free", "closed", "budget spent"]
+Outcome = Literal["free", "closed", "budget spent", "not searched"]
 
 _INSET_SHARE = 0.9
 _TURN_STEPS = 24  # per full turn
@@ -64,6 +65,8 @@ class FreePath:
         True if turns were searched.
     in_the_way
         Obstacles, the nearest first: each part once, with a point.
+    effort
+        Work of the search, as in `Surroundings.effort`.
     """
 
     outcome: Outcome
@@ -71,6 +74,7 @@ class FreePath:
     iterations: int
     turned: bool
     in_the_way: tuple[Met, ...]
+    effort: float = 0.0
 
 
 def find_free_path(
@@ -79,6 +83,8 @@ def find_free_path(
     tolerance_m: float = 1e-4,
     budget: int = 20_000,
     turns: bool = True,
+    effort: float = math.inf,
+    trees: MeshTrees | None = None,
 ) -> FreePath:
     """Search a way out for parts that move as one: translations first, then turns.
 
@@ -92,11 +98,19 @@ def find_free_path(
         Iteration limit of each of the two searches.
     turns
         True to search turns if translations fail.
+    effort
+        Limit of the work of both searches, as in `Surroundings.effort`.
+    trees
+        Meshes shrunk by `get_inset_m` that other searches share.
     """
-    space = _Space(moving, standing, tolerance_m)
+    trees = trees or MeshTrees(get_inset_m(tolerance_m))
+    space = _Space(moving, standing, tolerance_m, trees, effort)
+    overlaps = space.surroundings.list_overlaps()
+    if overlaps:
+        return FreePath("closed", (), 0, False, overlaps)
     straight = _search(space, (), budget)
-    if straight.outcome == "free" or not turns:
-        return straight
+    if straight.outcome == "free" or not turns or space.is_spent():
+        return replace(straight, effort=space.surroundings.effort)
     turning = _search(space, find_axes(moving), budget)
     met = {obstacle.part: obstacle for obstacle in (*turning.in_the_way, *straight.in_the_way)}
     ordered = {
@@ -104,7 +118,19 @@ def find_free_path(
         for obstacle in (*straight.in_the_way, *turning.in_the_way)
     }
     spent = straight.iterations + turning.iterations
-    return FreePath(turning.outcome, turning.moves, spent, True, tuple(ordered.values()))
+    return FreePath(
+        turning.outcome,
+        turning.moves,
+        spent,
+        True,
+        tuple(ordered.values()),
+        space.surroundings.effort,
+    )
+
+
+def get_inset_m(tolerance_m: float) -> float:
+    """Return the inset of the meshes, with which overlaps of twice the tolerance still collide."""
+    return _INSET_SHARE * tolerance_m
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -128,13 +154,16 @@ class _Space:
     """Placements of the moving parts, and their collisions."""
 
     def __init__(
-        self, moving: Sequence[Part], standing: Sequence[Part], tolerance_m: float
+        self,
+        moving: Sequence[Part],
+        standing: Sequence[Part],
+        tolerance_m: float,
+        trees: MeshTrees,
+        effort: float,
     ) -> None:
-        self.fine_m = tolerance_m
-        # Parts that overlap by twice the tolerance still collide.
-        inset_m = _INSET_SHARE * tolerance_m
+        self.fine_m, self._effort = tolerance_m, effort
         self.surroundings = Surroundings(
-            build_mesh_trees(moving, inset_m), build_mesh_trees(standing, inset_m)
+            [trees.get(part) for part in moving], [trees.get(part) for part in standing]
         )
         self.offsets = list_stops(moving, standing, tolerance_m)
         points = np.concatenate([part.vertices_m for part in moving])
@@ -143,6 +172,10 @@ class _Space:
         self._radii: dict[Axis, float] = {}
         self._turns: dict[tuple[Axis | None, float], tuple[Array, Array]] = {}
         self._boxes: dict[tuple[Axis | None, float], tuple[Array, Array]] = {}
+
+    def is_spent(self) -> bool:
+        """Return whether the limit of the effort is reached."""
+        return self.surroundings.effort >= self._effort
 
     def start(self) -> _Node:
         """Return the node of the place in the product."""
@@ -189,6 +222,8 @@ class _Space:
             length += abs(angles[1] - angles[0]) * self.radius_m(axis)
         number = max(1, int(np.ceil(length / step)))
         for k in range(1, number + 1):
+            if self.is_spent():
+                raise _EffortSpentError
             share = k / number
             angle = angles[0] + share * (angles[1] - angles[0])
             matrix, by = (
@@ -210,6 +245,7 @@ def _compute_turn(axis: Axis | None, angle_rad: float) -> tuple[Array, Array]:
 class _Search:
     def __init__(self, space: _Space, axes: tuple[Axis, ...]) -> None:
         self.space, self.axes = space, axes
+        self.iterations = 0
         self.came: dict[_Node, _Node] = {}
         self.met: dict[str, Met] = {}
         self._meets: dict[_Node, Met | None] = {}
@@ -241,6 +277,8 @@ class _Search:
     def find_obstacle(self, node: _Node, there: _Node) -> Met | None:
         """Return the obstacle on a move, or None."""
         if there not in self._meets:
+            if self.space.is_spent():
+                raise _EffortSpentError
             matrix, by = self.space.turn(*self.pose(there))
             offset = by + self.space.offset(there)
             self._meets[there] = self.space.surroundings.find_obstacle(matrix, offset)
@@ -321,13 +359,24 @@ def _append(moves: list[Move], offset: Array, angle: float, axis: Axis | None) -
     moves.append(new)
 
 
+class _EffortSpentError(Exception):
+    """The limit of the effort is reached between two placements."""
+
+
 def _search(space: _Space, axes: tuple[Axis, ...], budget: int) -> FreePath:
     """Run A* within an iteration budget."""
-    search, start = _Search(space, axes), space.start()
+    search = _Search(space, axes)
+    try:
+        return _explore(space, search, budget)
+    except _EffortSpentError:
+        return FreePath("budget spent", (), search.iterations, bool(axes), _met(search))
+
+
+def _explore(space: _Space, search: _Search, budget: int) -> FreePath:
+    axes, start = search.axes, space.start()
     costs = {start: 0.0}
     heap = [(search.bound_left_m(start), 0.0, start)]
     done: set[_Node] = set()
-    iterations = 0
     doubtful = False
     while heap:
         _, cost, node = heapq.heappop(heap)
@@ -337,12 +386,12 @@ def _search(space: _Space, axes: tuple[Axis, ...], budget: int) -> FreePath:
         if search.is_out(node):
             moves = search.build_moves(node)
             if moves is not None:
-                return FreePath("free", moves, iterations, bool(axes), tuple(search.met.values()))
+                return FreePath("free", moves, search.iterations, bool(axes), _met(search))
             doubtful = True
             continue
-        if iterations >= budget:
-            return FreePath("budget spent", (), iterations, bool(axes), _met(search))
-        iterations += 1
+        if search.iterations >= budget:
+            return FreePath("budget spent", (), search.iterations, bool(axes), _met(search))
+        search.iterations += 1
         for there, length in search.list_neighbours(node):
             if there in done or cost + length >= costs.get(there, np.inf):
                 continue
@@ -358,7 +407,7 @@ def _search(space: _Space, axes: tuple[Axis, ...], budget: int) -> FreePath:
             heapq.heappush(heap, (spent + search.bound_left_m(there), spent, there))
     # A path that fails in small steps proves nothing either way.
     outcome: Outcome = "budget spent" if doubtful else "closed"
-    return FreePath(outcome, (), iterations, bool(axes), _met(search))
+    return FreePath(outcome, (), search.iterations, bool(axes), _met(search))
 
 
 def _met(search: _Search) -> tuple[Met, ...]:

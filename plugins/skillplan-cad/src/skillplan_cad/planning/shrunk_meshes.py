@@ -6,8 +6,6 @@ trees. Shrinking beforehand separates parts that only touch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import coal
 import numpy as np
 from numpy.typing import NDArray
@@ -70,16 +68,20 @@ class MeshTree:
     ----------
     vertices_m, triangles
         Mesh in the product's frame.
+
+    Attributes
+    ----------
+    size
+        Number of triangles.
     """
 
     def __init__(self, name: str, vertices_m: Points, triangles: Triangles) -> None:
         self.name = name
         self.vertices_m = vertices_m
+        self.size = len(triangles)
         points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-        for point in vertices_m:
-            points.append(point)
-        for a, b, c in triangles.tolist():
-            faces.append(coal.Triangle(a, b, c))
+        points.extend(list(vertices_m))
+        faces.extend([coal.Triangle(a, b, c) for a, b, c in triangles.tolist()])
         self.tree = coal.BVHModelOBBRSS()
         self.tree.beginModel(len(triangles), len(vertices_m))
         self.tree.addSubModel(points, faces)
@@ -87,9 +89,22 @@ class MeshTree:
         self.low_m, self.high_m = vertices_m.min(axis=0), vertices_m.max(axis=0)
 
 
-def build_mesh_trees(parts: Sequence[Part], inset_m: float) -> list[MeshTree]:
-    """Return the shrunk meshes of parts."""
-    return [
-        MeshTree(part.name, shrink_mesh(part.vertices_m, part.triangles, inset_m), part.triangles)
-        for part in parts
-    ]
+class MeshTrees:
+    """Shrunk meshes of parts, each built once.
+
+    Parameters
+    ----------
+    inset_m
+        Distance of the faces' move along their normals [m].
+    """
+
+    def __init__(self, inset_m: float) -> None:
+        self._inset_m = inset_m
+        self._trees: dict[str, MeshTree] = {}
+
+    def get(self, part: Part) -> MeshTree:
+        """Return the shrunk mesh of a part."""
+        if part.name not in self._trees:
+            points = shrink_mesh(part.vertices_m, part.triangles, self._inset_m)
+            self._trees[part.name] = MeshTree(part.name, points, part.triangles)
+        return self._trees[part.name]

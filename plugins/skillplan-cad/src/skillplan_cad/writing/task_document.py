@@ -22,7 +22,8 @@ from skillplan.files.schema_errors import list_schema_issues
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.planning.bearing import Bearing, find_best_bearing
+from skillplan_cad.planning.bearing import Bearing, find_bearing, find_best_bearing
+from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, LeftOut, Relation
 from skillplan_cad.writing.pieces_proof import ProvedPieces, prove_pieces
@@ -430,37 +431,29 @@ def find_indirect_parts(plan: AssemblyPlan) -> dict[str, LeftOut]:
     return reasons
 
 
-def find_parts_from_below(relation: Relation, up: Vector) -> dict[str, LeftOut]:
-    """Return the screws and nuts that are driven from below, each with a reason."""
-    words = "is driven from below: the product has to be turned over, or held up by a fixture"
-    return {
-        fastener.part: LeftOut(fastener.part, "from below", words)
-        for fastener in relation.fasteners
-        if fastener.part in relation.driven and float(np.dot(fastener.axis, up)) < -_LEVEL
-    }
-
-
-def list_plan_limits(product: Product, plan: AssemblyPlan, up: Vector) -> Iterator[tuple[str, str]]:
+def list_plan_limits(
+    product: Product, plan: AssemblyPlan, up: Vector, placed: Collection[str]
+) -> Iterator[tuple[str, str]]:
     """Yield part names with the limits that the plan puts on them.
 
     Parameters
     ----------
     up
         Vector that points up in the task, in the product's frame.
+    placed
+        Names of the parts in the task, which stay there, and for which the product is never turned.
     """
     for step in plan.steps:
         for part in step.parts:
-            if step.up != up:
+            if step.up != up and part not in placed:
                 yield part, "comes after the product was turned over"
-    for name in [member.name for member in product]:
+    for name in [member.name for member in product if member.name not in placed]:
         numbers = [number for number, step in enumerate(plan.steps) if name in step.held]
         if numbers:
             first, after = plan.steps[numbers[0]], plan.steps[numbers[-1] + 1 :]
             since = "it" if name in first.parts else " with ".join(first.parts)
             until = f"until {' with '.join(after[0].parts)} is" if after else "to the end"
             yield name, f"must be held once {since} is placed, {until}"
-    for stuck in plan.stuck:
-        yield stuck.part, f"cannot be taken out: {stuck.search.outcome}"
 
 
 _FLAT = 0.999
@@ -523,7 +516,7 @@ class WrittenTask:
     Parameters
     ----------
     document
-        Content of the YAML file.
+        Content of the YAML file; empty if no part remains.
     files
         Contents of all files by their path within the folder.
     names
@@ -556,54 +549,68 @@ def build_task(
     bearing: Bearing | None = None,
     without: Mapping[str, LeftOut] | None = None,
     remarks: Mapping[str, str] | None = None,
-) -> WrittenTask | None:
+) -> WrittenTask:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
-    Leaves out parts that lack support, need more than a straight move, are driven from below, or
-    are refused by `check`. Returns None if no part remains.
+    Leaves out parts that lack support, need more than a straight move, come from below, or are
+    refused by `check`, and what depends on those. `document` is empty if no part remains.
 
     Parameters
     ----------
     robot
         Name of an arm in skillplan.
     bearing
-        Supports of the parts; default: the orientation in which most parts stand. If no part is
-        supported, none is left out for lack of support.
+        Supports of the parts; default: the orientation in which most parts stand.
     without
         Parts to leave out, with the reasons.
     remarks
         Clauses about parts, which are listed with the limits of one arm.
     """
-    bearing = bearing or find_best_bearing(product, relation)
-    left_out = {**find_indirect_parts(plan), **(bearing.why_not if bearing.order else {})}
-    left_out |= find_parts_from_below(relation, bearing.up)
-    left_out |= without or {}
+    absent = dict(without or {})
+    bearing = bearing or find_best_bearing(product, relation, absent)
+    indirect = find_indirect_parts(plan)
     # Pieces of all parts tried so far: they do not depend on the parts left out.
     proved: ProvedPieces | None = None
     while True:
+        reasons = {**bearing.why_not, **bearing.undriven}
+        reasons |= {
+            name: indirect[name]
+            for name, reason in reasons.items()
+            if name in indirect and reason.kind in ("closed in", "from below")
+        }
+        left_out = {**reasons, **absent}
         left_out |= _find_loose_screws(relation, left_out)
         if all(part.name in left_out or part.name in relation.driven for part in product):
-            return None
+            return _write_nothing(product, bearing, left_out)
         writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks or {})
         if writer.places.without:
             words = "finds no place within the arm's reach"
-            left_out |= {name: LeftOut(name, "no place", words) for name in writer.places.without}
+            absent |= {name: LeftOut(name, "no place", words) for name in writer.places.without}
+            bearing = find_bearing(product, relation, bearing.up, absent)
             continue
         task = writer.write(proved)
         proved = proved or task.pieces
-        reasons = find_refusals(task.document, task.files)
-        if not reasons:
+        refusals = find_refusals(task.document, task.files)
+        if not refusals:
             return task
         product_names = {task_name: name for name, task_name in task.names.items()}
         refused_parts = {
             name: LeftOut(name, "refused", f"is refused: {words.removesuffix('.')}")
-            for task_name, words in reasons.items()
+            for task_name, words in refusals.items()
             if task_name
             for name in (product_names[task_name],)
         }
         if not refused_parts:
-            return replace(task, faults=tuple(reasons.values()))
-        left_out |= refused_parts
+            return replace(task, faults=tuple(refusals.values()))
+        absent |= refused_parts
+        bearing = find_bearing(product, relation, bearing.up, absent)
+
+
+def _write_nothing(
+    product: Product, bearing: Bearing, left_out: Mapping[str, LeftOut]
+) -> WrittenTask:
+    upright = place_upright(product, bearing.up, (0.0, 0.0))
+    return WrittenTask({}, {}, {}, {}, left_out, (), upright, ProvedPieces({}, (), ()))
 
 
 def _find_loose_screws(relation: Relation, left_out: Mapping[str, LeftOut]) -> dict[str, LeftOut]:
@@ -661,15 +668,14 @@ class _Writer:
             for part in self.kept
             if (fastener := self._get_driven(part)) is not None
         }
-        if proved is None:
+        if proved is None or not self._meshes.keys() <= proved.pieces.keys():
             proved = prove_pieces(self.product, self.relation, self._meshes, self.upright)
         proved = proved.of(self._meshes)
         self._add_pieces(proved, parts, files)
-        for name, words in list_plan_limits(self.product, self.plan, self.bearing.up):
+        up, names = self.bearing.up, self.names
+        for name, words in list_plan_limits(self.product, self.plan, up, names):
             self._note(name, words)
         for name in self.names:
-            if name in self.bearing.why_not:
-                self._note(name, self.bearing.why_not[name].text)
             if name in self.remarks:
                 self._note(name, self.remarks[name])
         document = self._build_document(parts, screws)
@@ -782,25 +788,31 @@ class _Writer:
 
     def _list_directions(self, part: Part) -> list[list[float]]:
         """Return up to three directions for bringing a part, that of the plan first."""
+        order = self.bearing.order
+        before = order[: order.index(part.name)] if part.name in order else ()
+        there = encode_set([self.relation.index(name) for name in before])
+        kept = encode_set([self.relation.index(name) for name in self.names])
+        vectors: dict[int, list[Vector]] = {}
+        for number, blockers in self.relation.blocker_sets[self.relation.index(part.name)]:
+            x, y, z = self.relation.directions[number]
+            vector = self.upright.vector((-x, -y, -z))
+            if vector[2] < _LEVEL and not blockers & there:
+                vectors.setdefault(blockers & kept, []).append(vector)
+        fewest = [
+            blockers
+            for blockers in vectors
+            if not any(other != blockers and other & blockers == other for other in vectors)
+        ]
+        ways = [min(vectors[blockers], key=_get_height) for blockers in fewest]
+        possible = [vector for alike in vectors.values() for vector in alike]
         step = self.steps.get(part.name)
-        if step is None or part.name not in step.parts:
-            return [[0.0, 0.0, -1.0]]
-        ways = [list(self.upright.vector(step.along))]
-        directions = self.relation.directions
-        number = self.product.index(part.name)
-        for alternative in self.plan.precedence.list_minimal(number):
-            vectors = [
-                self.upright.vector((-x, -y, -z))
-                for direction in alternative.directions
-                if direction < len(directions)
-                for x, y, z in (directions[direction],)
-            ]
-            vectors = [vector for vector in vectors if vector[2] < _LEVEL]
-            if vectors:
-                best = min(vectors, key=_get_height)
-                if not any(np.allclose(best, way, atol=1e-6) for way in ways):
-                    ways.append(list(best))
-        return ways[:_MOST_DIRECTIONS]
+        planned = self.upright.vector(step.along) if step is not None and not step.path else DOWN
+        known = [way for way in possible if np.allclose(way, planned, atol=1e-6)]
+        first = known[0] if known else min(possible, key=_get_height, default=DOWN)
+        if step is None:
+            return [list(first)]
+        others = [way for way in ways if not np.allclose(way, first, atol=1e-6)]
+        return [list(way) for way in (first, *others)][:_MOST_DIRECTIONS]
 
     def _build_screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
         lies = [join for join in fastener.joins if self._get_driven(self._get_part(join)) is None]
@@ -837,5 +849,5 @@ def _format_comments(left_out: Mapping[str, LeftOut], limits: Mapping[str, tuple
     return "".join(f"# {line}\n" for lines in wrapped for line in lines)
 
 
-def _get_height(vector: tuple[float, float, float]) -> float:
+def _get_height(vector: Vector) -> float:
     return vector[2]

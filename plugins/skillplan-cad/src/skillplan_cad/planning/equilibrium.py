@@ -1,0 +1,244 @@
+"""Decide whether a released part stays in place: contact forces against its weight.
+
+A part stays if forces at its contacts balance its weight, and a small sideways push in any
+direction (Mason: Mechanics of Robotic Manipulation, chapter 5). Forces push only. Faces that bear
+weight have friction. Upright walls have none: whether a clamped wall carries anything depends on a
+preload that CAD does not state, so a pin that nothing bears falls through its hole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_cad.planning.precedence import encode_set
+from skillplan_cad.planning.stability import FRICTION, find_axes_across, minimize_help
+from skillplan_cad.product import Face, Part, Product, Vector
+from skillplan_cad.relation import Contact, Relation
+
+Array = NDArray[np.float64]
+
+_NEAR_M = 2e-4
+_BEARS = 0.1  # cosine between a normal and up from which a face bears weight
+_PUSH = 0.02  # sideways push, as a share of the weight
+_HELP = 2e-3  # share of the weight that the program may miss
+_MOST_POINTS = 12
+_ROUND = ("cylinder", "cone", "sphere", "torus")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Touching:
+    """Contact of a part with another.
+
+    Parameters
+    ----------
+    points_m, normals
+        Points, and unit vectors along which the other part pushes, shape (points, 3).
+    """
+
+    other: int
+    points_m: Array
+    normals: Array
+
+
+class Equilibrium:
+    """Decides which parts stay on others that stand firm, for any set of those."""
+
+    def __init__(self, product: Product, relation: Relation) -> None:
+        self._parts = {relation.index(part.name): part for part in product}
+        self._touching: list[list[_Touching]] = [[] for _ in relation.parts]
+        for contact in relation.contacts:
+            first, second = (relation.index(name) for name in contact.parts)
+            if contact.kind == "thread" or not {first, second} <= self._parts.keys():
+                continue
+            points, normals = _find_pushes(contact, self._parts[first], self._parts[second])
+            if len(points):
+                self._touching[first].append(_Touching(second, points, -normals))
+                self._touching[second].append(_Touching(first, points, normals))
+        self._known: dict[tuple[int, int, Vector, bool], bool] = {}
+        self._touched = [
+            encode_set([touching.other for touching in touchings]) for touchings in self._touching
+        ]
+
+    def stays(self, part: int, others: int, up: Vector, foot_m: Array | None = None) -> bool:
+        """Return whether a part stays on others.
+
+        Parameters
+        ----------
+        others
+            Parts that stand firm, as bits.
+        foot_m
+            Points at which the part stands on the table; None if it does not.
+        """
+        key = (part, others & self._touched[part], up, foot_m is None)
+        if key not in self._known:
+            self._known[key] = self._has_forces(part, others, np.asarray(up), foot_m)
+        return self._known[key]
+
+    def list_bearers(self, part: int, others: int, up: Vector) -> list[int]:
+        """Return the others that push a part upwards."""
+        return [
+            touching.other
+            for touching in self._touching[part]
+            if others >> touching.other & 1 and (touching.normals @ np.asarray(up) > _BEARS).any()
+        ]
+
+    def _has_forces(self, part: int, others: int, up: Array, foot_m: Array | None) -> bool:
+        points = [t.points_m for t in self._touching[part] if others >> t.other & 1]
+        normals = [t.normals for t in self._touching[part] if others >> t.other & 1]
+        if foot_m is not None and len(foot_m):
+            upwards = np.tile(up, (len(foot_m), 1))
+            chosen = _select_spread(foot_m, upwards)
+            points.append(foot_m[chosen])
+            normals.append(upwards[chosen])
+        if not any((normal @ up > _BEARS).any() for normal in normals):
+            return False
+        across = find_axes_across((float(up[0]), float(up[1]), float(up[2])))
+        centre = np.asarray(self._parts[part].centre_m)
+        forces = _span_forces(np.concatenate(points) - centre, np.concatenate(normals), up)
+        columns = [list(enumerate(force)) for force in forces.tolist()]
+        reach_m = float(np.ptp(self._parts[part].vertices_m, axis=0).max())
+        scale = np.array([1.0] * 3 + [reach_m] * 3)
+        for push in (across[0], -across[0], across[1], -across[1]):
+            loads = np.concatenate([up + _PUSH * push, np.zeros(3)])
+            help_values = minimize_help(columns, loads, scale)
+            if help_values is None or float(help_values.sum()) > _HELP:
+                return False
+        return True
+
+
+def _span_forces(offsets_m: Array, normals: Array, up: Array) -> Array:
+    """Return forces and torques that span those of the contacts, shape (forces, 6)."""
+    bears = normals @ up > _BEARS
+    forces, points = [normals[~bears]], [offsets_m[~bears]]
+    for normal, offset in zip(normals[bears], offsets_m[bears], strict=True):
+        across = find_axes_across((float(normal[0]), float(normal[1]), float(normal[2])))
+        sides = FRICTION * np.concatenate([across, -across])
+        forces.append(normal + sides)
+        points.append(np.tile(offset, (4, 1)))
+    force, point = np.concatenate(forces), np.concatenate(points)
+    return np.hstack([force, np.cross(point, force)])
+
+
+def _find_pushes(contact: Contact, first: Part, second: Part) -> tuple[Array, Array]:
+    """Return points of a contact, and the outward normals of the first part there."""
+    everywhere = np.array(contact.points_m).reshape(-1, 3)
+    if not len(everywhere):
+        return everywhere, everywhere
+    mine, theirs = _Surface(first, everywhere), _Surface(second, everywhere)
+    listed = np.array(contact.normals).reshape(-1, 3)
+    points, normals = [], []
+    for point in everywhere:
+        own, other = mine.find(point, listed), theirs.find(point, -listed)
+        if own is None and other is None:
+            continue
+        normal, face = own if own is not None else (-other[0], None)  # type: ignore[index]
+        round_face, flat = face, other
+        if face is None or face.kind not in _ROUND:
+            round_face, flat = (None if other is None else other[1]), own
+        is_convex = round_face is not None and round_face.kind in _ROUND and not round_face.hollow
+        is_flat = flat is None or flat[1] is None or flat[1].kind not in _ROUND
+        if round_face is not None and is_convex and is_flat:
+            # A round face meets a flat one in its tangent line only: chords would keep it upright.
+            level = normal if flat is None else (flat[0] if flat is own else -flat[0])
+            moved = _move_to_tangent(point, level, round_face)
+            if moved is None:
+                continue
+            point, normal = moved, level
+        points.append(point)
+        normals.append(normal)
+    chosen = _select_spread(np.array(points).reshape(-1, 3), np.array(normals).reshape(-1, 3))
+    return np.array(points).reshape(-1, 3)[chosen], np.array(normals).reshape(-1, 3)[chosen]
+
+
+class _Surface:
+    """The triangles of a part near some points.
+
+    Parameters
+    ----------
+    near
+        Points, shape (points, 3) [m].
+    """
+
+    def __init__(self, part: Part, near: Array) -> None:
+        corners = part.vertices_m[part.triangles]
+        low, high = near.min(axis=0) - _NEAR_M, near.max(axis=0) + _NEAR_M
+        close = (corners.max(axis=1) >= low).all(axis=1) & (corners.min(axis=1) <= high).all(axis=1)
+        numbers = np.flatnonzero(close)
+        self._corners = corners[numbers]
+        normals = np.cross(
+            self._corners[:, 1] - self._corners[:, 0], self._corners[:, 2] - self._corners[:, 0]
+        )
+        lengths = np.linalg.norm(normals, axis=1)
+        self._normals = normals / np.maximum(lengths, 1e-30)[:, None]
+        face_of = np.full(len(part.triangles), -1)
+        for number, face in enumerate(part.faces):
+            face_of[face.triangles] = number
+        self._faces, self._face_of = part.faces, face_of[numbers]
+
+    def find(self, point: Array, listed: Array) -> tuple[Array, Face | None] | None:
+        """Return the outward normal and the face at a point that fits listed normals best."""
+        offsets = point - self._corners[:, 0]
+        heights = np.einsum("ij,ij->i", offsets, self._normals)
+        near = np.flatnonzero(np.abs(heights) < _NEAR_M)
+        inside = [number for number in near.tolist() if self._is_beside(number, point)]
+        if not inside:
+            return None
+        alike = (self._normals[inside] @ listed.T).max(axis=1) if len(listed) else np.ones(1)
+        # Heights decide between faces that fit equally well.
+        best = inside[int(np.lexsort((np.abs(heights[inside]), -np.round(alike, 2)))[0])]
+        face = self._faces[self._face_of[best]] if self._face_of[best] >= 0 else None
+        return self._find_normal(best, point, face), face
+
+    def _is_beside(self, number: int, point: Array) -> bool:
+        """Return whether a point lies over a triangle, or within the tolerance of it."""
+        corners, normal = self._corners[number], self._normals[number]
+        for k in range(3):
+            side = corners[(k + 1) % 3] - corners[k]
+            length = float(np.linalg.norm(side))
+            if (
+                length > 0
+                and float(np.cross(side / length, point - corners[k]) @ normal) < -_NEAR_M
+            ):
+                return False
+        return True
+
+    def _find_normal(self, number: int, point: Array, face: Face | None) -> Array:
+        normal = self._normals[number]
+        if face is None or face.kind != "cylinder":
+            return np.asarray(normal)
+        axis = np.asarray(face.axis)
+        radial = point - np.asarray(face.origin_m)
+        radial = radial - (radial @ axis) * axis
+        length = float(np.linalg.norm(radial))
+        if length < 1e-9:
+            return np.asarray(normal)
+        return np.asarray(radial / length * np.sign(radial @ normal or 1.0))
+
+
+def _move_to_tangent(point: Array, normal: Array, face: Face) -> Array | None:
+    """Return the point of a flat face's contact with a round one nearest to a point, or None."""
+    offset = point - np.asarray(face.origin_m)
+    beside = offset - (offset @ normal) * normal
+    if face.kind == "sphere":
+        return np.asarray(point - beside)
+    axis = np.asarray(face.axis)
+    if face.kind == "cylinder" and abs(float(axis @ normal)) < _BEARS:
+        return np.asarray(point - (beside - (beside @ axis) * axis))
+    return None
+
+
+def _select_spread(points: Array, normals: Array) -> list[int]:
+    """Return the numbers of a few points that are far apart, or pushed in other directions."""
+    if len(points) <= _MOST_POINTS:
+        return list(range(len(points)))
+    extent = max(float(np.ptp(points, axis=0).max()), 1e-9)
+    keys = np.hstack([points / extent, normals])
+    chosen = [int(np.argmax(np.linalg.norm(keys - keys.mean(axis=0), axis=1)))]
+    gaps = np.linalg.norm(keys - keys[chosen[0]], axis=1)
+    while len(chosen) < _MOST_POINTS:
+        chosen.append(int(np.argmax(gaps)))
+        gaps = np.minimum(gaps, np.linalg.norm(keys - keys[chosen[-1]], axis=1))
+    return sorted(set(chosen))
