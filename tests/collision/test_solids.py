@@ -181,6 +181,18 @@ def test_an_area_that_two_shapes_cover_counts_once():
     assert measure_union([square, moved[2]]) == pytest.approx(8)
 
 
+def test_a_corner_that_comes_twice_but_for_rounding_changes_no_area():
+    corners = (
+        (0.48575, 0.2116125),
+        (0.48575, 0.21021255),
+        (0.4862650677874647, 0.2102641347012559),
+    )
+    again = (0.48575, 0.21161250000000004)
+    beside = tuple((x + 1, y) for x, y in corners)
+    both = measure_union([(again, *corners[1:], corners[0]), beside])
+    assert both == pytest.approx(2 * measure_union([corners]))
+
+
 def test_the_area_of_a_thousand_polygons_is_measured_at_once():
     """A ring of overlapping hexagons, as a round face of many convex pieces is; cubic no more."""
     turns = [math.pi * side / 3 for side in range(6)]

@@ -98,7 +98,9 @@ def measure_union(polygons: Sequence[Sequence[Planar]]) -> float:
     # Imports numpy.
     import shapely
 
-    return float(shapely.union_all([shapely.Polygon(polygon) for polygon in polygons]).area)
+    # A corner that comes twice but for rounding makes a polygon invalid; its hull is valid.
+    hulls = [shapely.Polygon(polygon).convex_hull for polygon in polygons]
+    return float(shapely.union_all(hulls).area)
 
 
 def _sides(polygon: Sequence[Planar]) -> Iterator[tuple[Planar, Planar]]:
