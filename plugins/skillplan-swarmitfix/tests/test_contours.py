@@ -291,6 +291,25 @@ class TestOtherControllers:
             pytest.approx(PLATE_MM * 25.4, abs=1e-3)
         ]
 
+    @pytest.mark.parametrize(
+        ("name", "text"),
+        [
+            ("a.nc", "G21\nG0X50Y0\nG1Z-1\nX100,R10\nY100,C10\nX0,R10\nY0,R10\nX50\n"),
+            (
+                "a.mpf",
+                "G71\nG0 X50 Y0\nG1 Z-1\nX100 RND=10\nY100 CHR=10\nX0 RND=10\nY0 RND=10\nX50\n",
+            ),
+            (
+                "a.h",
+                "N1 BEGIN PGM A MM\nN2 FN 0: Q2=75\nL X50 Y0 FMAX\nL Z-1 F Q2\nL X100\nRND R10\n"
+                "L Y100\nCHF 10\nL X0\nRND R10\nL Y0\nRND R10\nL X50\nM30\n",
+            ),
+        ],
+    )
+    def test_corners_are_rounded_and_cut_off(self, name, text):
+        (length_mm,) = lengths(program(text, name, unit=None))
+        assert length_mm == pytest.approx(400 - 80 + 15 * math.pi + 10 * math.sqrt(2), abs=1e-3)
+
     def test_an_origin_that_moves_before_the_cut_is_told(self):
         line = "G71\nTRANS X=10 Y=0\nG0 X=0 Y=0\nG1 X=50\n"
         assert only(program(line, "a.mpf")).notes == ("passed over: TRANS X=10 Y=0",)
@@ -301,11 +320,16 @@ class TestOtherControllers:
             ("a.mpf", "ROT Z=30", "line 3: 'ROT Z=30' turns the plane; write the moves out."),
             ("a.mpf", "G1 X=R1", "line 3: 'G1 X=R1' is computed by the controller"),
             ("a.mpf", "R1=5", "line 3: 'R1=5' is computed by the controller"),
-            ("a.mpf", "G1 X10 RND=5", "line 3: RND is not read here; give corners and arcs by"),
+            ("a.mpf", "G1 X10 RNDM=5", "line 3: RNDM is not read here; give corners and arcs by"),
+            (
+                "a.mpf",
+                "G1 Y5 RND=9\nX0",
+                "line 4: A corner of 9 mm is larger than its sides of 5 and",
+            ),
             ("a.mpf", "POCKET3(1,2)", "line 3: It calls POCKET3, which is not in this file."),
             ("a.mpf", "TRANS X=5\nX20", "line 4: TRANS X=5 in line 3 has moved the origin"),
             ("a.h", "L X+Q1", "line 4: Cannot read 'X+Q1'; write a letter and a number."),
-            ("a.h", "FN 0: Q1 = +5", "line 4: 'FN 0: Q1 = +5' is computed by the controller"),
+            ("a.h", "FN 9: IF Q1 EQU 5 GOTO LBL 1", "line 4: 'FN 9: IF Q1 EQU 5 GOTO LBL 1' is"),
             ("a.h", "C X+5 Y+5 DR+", "line 4: An arc before any CC; give its centre."),
             ("a.h", "CALL LBL 7", "line 4: It calls LBL 7, which is not in this file"),
             ("a.h", "CYCL DEF 10.1 ROT+30", "line 4: 'CYCL DEF 10.1 ROT+30' turns the plane"),

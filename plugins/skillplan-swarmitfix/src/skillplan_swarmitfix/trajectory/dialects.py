@@ -27,7 +27,8 @@ _SIEMENS_IDLE = re.compile(
     r"LIMS\s*=\s*[\d.]+|T\s*=\s*[\w\"]+)(?:\s*\([^)]*\))?"
 )
 _SIEMENS_FRAME = re.compile(r"\bA?(?:TRANS|ROT|SCALE|MIRROR)\b(.*)|\bCYCLE800\b(.*)")
-_SIEMENS_CORNER = re.compile(r"\b(RNDM?|CHF|CHR|ANG|AR|AP|RP|CIP|CT|I1|J1)\s*=?")
+_SIEMENS_CORNER = re.compile(r"\b(RNDM|ANG|AR|AP|RP|CIP|CT|I1|J1)\s*=?")
+_SIEMENS_ROUND = re.compile(r"\b(RND|CHF|CHR)\s*=\s*([\d.]+)")
 _SIEMENS_DRILL = re.compile(r"\b(?:CYCLE8[1-9]|CYCLE840)\s*\([^)]*\)")
 _SIEMENS_COMPUTED = re.compile(
     r"=\s*R\d|\b(?:R\d+\s*=|IF|ELSE|ENDIF|FOR|WHILE|LOOP|REPEAT\w*|GOTO\w*|DEF|CASE|\$\w+)|\bR\d+\s*[-+*/]"
@@ -36,14 +37,28 @@ _IDENTIFIER = re.compile(r"\b(?:L\d+|[A-Z_]{2}\w*)")
 _AXIS = re.compile(rf"\b(I?)([XYZABCUVW])\s*({_NUMBER})")
 _POLAR = re.compile(rf"\b(I?)(PR|PA)\s*({_NUMBER})")
 _HEIDENHAIN_WORD = re.compile(
-    rf"I?[XYZABCUVW] ?{_NUMBER}|I?P[RA] ?{_NUMBER}|[IJ]\^\S+|F ?(?:MAX|AUTO|U? ?{_NUMBER})|"
+    rf"I?[XYZABCUVW] ?{_NUMBER}|I?P[RA] ?{_NUMBER}|[IJ]\^\S+|F ?(?:MAX|AUTO|Q\d+|U? ?{_NUMBER})|"
     rf"\bF\b|\bR[0LR]\b|R ?{_NUMBER}|DR[-+]|M\d+|MB ?(?:MAX|{_NUMBER})|LEN ?{_NUMBER}|"
     rf"CCA ?{_NUMBER}|\b(?:LT|LN|CT|LCT)\b"
 )
 _HEIDENHAIN_DRILLS = {1, 2, 17, 18, 240, 241, *range(200, 210), *range(262, 266)}
 _HEIDENHAIN_FRAMES = {"7", "8", "10", "11", "19", "26"}
 _HEIDENHAIN_IDLE = {"BLK", "TOOL", "END", "STOP", "FUNCTION"}
-_HEIDENHAIN_MOVES = {"CYCL", "CYCLE", "CC", "L", "LP", "C", "CP", "CR", "CT", "APPR", "DEP"}
+_HEIDENHAIN_MOVES = {
+    "RND",
+    "CHF",
+    "CYCL",
+    "CYCLE",
+    "CC",
+    "L",
+    "LP",
+    "C",
+    "CP",
+    "CR",
+    "CT",
+    "APPR",
+    "DEP",
+}
 _KEPT_M = {
     "0": "0",
     "1": "1",
@@ -102,6 +117,13 @@ class Siemens:
                     self._refuse(f"{one_line(code, 30)!r} turns the plane; write the moves out.")
                 self._machine.shift_origin(one_line(frame[0], 30))
             return [_BLANK.sub("", code[: frame.start()])]
+        corners = [
+            # The length of a chamfer is given at right angles to the bisector.
+            f"{'RND' if kind == 'RND' else 'CHR'}"
+            f"{float(size) * (math.sqrt(0.5) if kind == 'CHF' else 1.0):.9f}"
+            for kind, size in _SIEMENS_ROUND.findall(code)
+        ]
+        code = _SIEMENS_ROUND.sub("", code)
         if corner := _SIEMENS_CORNER.search(code):
             self._refuse(
                 f"{corner[1]} is not read here; give corners and arcs by their points and I and "
@@ -125,7 +147,7 @@ class Siemens:
         code = _BLANK.sub("", code)
         if drills or (self._drills and re.search(r"[XY]", code)):
             return [code, "G81", "G80"]
-        return [code]
+        return [code, *corners]
 
 
 _MARKS = {"IC": "~", "AC": "^"}
@@ -152,6 +174,10 @@ class Heidenhain:
             return ["G20G90" if code.endswith("INCH") else "G21G90"]
         if head in _HEIDENHAIN_IDLE or re.match(r"\*|[MF]\d", head):
             return [self._codes_m(code)]
+        if re.match(r"(?:FN ?(?:[0-8]|1[4-9]|[23]\d) ?:|Q[LRS]?\d+ ?=)", code):
+            # A move that needs the value is refused, as it is not a number.
+            self._machine.pass_over(one_line(code, 20))
+            return []
         if head == "LBL" or code in ("PLANE RESET STAY", "PLANE RESET"):
             return []
         if head not in _HEIDENHAIN_MOVES:
@@ -174,6 +200,9 @@ class Heidenhain:
                 return self._moved(code, self._sense(code), polar=False)
             case "CT":
                 return self._tangential(code)
+            case "RND" | "CHF":
+                size = re.search(r"[\d.]+", code)
+                return [f"{'RND' if head == 'RND' else 'CHR'}{size[0]}" if size else ""]
             case _:
                 return self._led(code)
 
@@ -284,7 +313,7 @@ class Heidenhain:
     def _cycles(self, code: str) -> list[str]:
         if code.startswith("CYCL CALL"):
             return self._drilled()
-        match = re.match(r"CYCL DEF (\d+)(?:\.(\d+))?(.*)", code)
+        match = re.match(r"CYCL DEF ?(\d+)(?: ?\.(\d+))?(.*)", code)
         if match is None:
             self._refuse(f"Cannot read {one_line(code, 30)!r}; write CYCL DEF and a number.")
         number, part, values = match.groups()

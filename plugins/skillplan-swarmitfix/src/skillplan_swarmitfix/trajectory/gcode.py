@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -34,7 +35,7 @@ from skillplan_swarmitfix.trajectory.plane_point import (
     SAME_POINT_M,
     Point2,
 )
-from skillplan_swarmitfix.trajectory.program_lines import ProgramLines
+from skillplan_swarmitfix.trajectory.program_lines import CORNER, ProgramLines
 from skillplan_swarmitfix.trajectory.tool_path import Feed, find_contours
 from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 
@@ -99,6 +100,7 @@ _ELSEWHERE_M = frozenset(("72", "96", "97", "98"))
 _PLACING = "XYIJR"
 _TURNING_AXES = "ABCUVWE"
 _MOST_TURNS = 1_000
+_STRAIGHT_RAD = 1e-6
 _MOST_NAMED = 12
 _REPORTED = 1_000
 
@@ -188,9 +190,14 @@ class _Machine:
         self._upright = 0
         self._compensated = ""
         self._assumed_start = ""
+        # Whether the next corner is rounded or cut off, and its radius or legs [m].
+        self._corner: tuple[bool, float] | None = None
 
     def run(self, code: str) -> None:
         """Execute one line, in capitals and without comments and blanks."""
+        if corner := CORNER.fullmatch(code):
+            self._corner = (corner[1] == "RND", float(corner[2]) * self._unit_m)
+            return
         words, gs, ms = self._words(code)
         self._set_modes(words, gs)
         self._set_tool(words, ms)
@@ -510,6 +517,8 @@ class _Machine:
         # Lines continue from the last end, so that merged points leave no gap.
         if self.feeds and math.dist(self.feeds[-1].end, start) <= SAME_POINT_M:
             start = self.feeds[-1].end
+            if self._corner is not None and math.dist(start, elements[0].end) > SAME_POINT_M:
+                start = self._cut_corner(elements[0])
         for number, element in enumerate(elements):
             if math.dist(start, element.end) <= SAME_POINT_M:
                 self._repeated += not plunge
@@ -526,6 +535,56 @@ class _Machine:
             start = element.end
         if len(self.feeds) > MOST_FEEDS:
             self._refuse(f"More than {MOST_FEEDS:,} feed moves; split the program.")
+
+    def _cut_corner(self, element: Line | Arc) -> Point2:
+        """Round off or cut off the corner before an element, and return its new start."""
+        assert self._corner is not None
+        (is_round, size_m), self._corner = self._corner, None
+        last = self.feeds[-1]
+        if not (isinstance(last.element, Line) and isinstance(element, Line)):
+            self._refuse("A corner beside an arc is rounded off by the controller; write it out.")
+        corner = last.end
+        sides = last.length_m, math.dist(corner, element.end)
+        back, ahead = (
+            ((x - corner[0]) / side, (y - corner[1]) / side)
+            for (x, y), side in zip((last.start, element.end), sides, strict=True)
+        )
+        half = math.acos(max(-1.0, min(1.0, back[0] * ahead[0] + back[1] * ahead[1]))) / 2
+        if half > math.pi / 2 - _STRAIGHT_RAD:
+            return corner
+        leg_m = size_m / math.tan(half) if is_round and half > 0 else size_m
+        if not (half > 0 and leg_m < min(sides) + SAME_POINT_M):
+            self._refuse(
+                f"A corner of {size_m * 1e3:g} mm is larger than its sides of "
+                f"{sides[0] * 1e3:.4g} and {sides[1] * 1e3:.4g} mm."
+            )
+        begin, end = (
+            (corner[0] + leg_m * along[0], corner[1] + leg_m * along[1]) for along in (back, ahead)
+        )
+        way: Line | Arc = Line(end)
+        if is_round:
+            # From the corner to the middle of the arc, along the bisector.
+            depth_m = size_m / math.sin(half) - size_m
+            share = depth_m / (2 * math.cos(half))
+            way = Arc(
+                end,
+                (
+                    corner[0] + share * (back[0] + ahead[0]),
+                    corner[1] + share * (back[1] + ahead[1]),
+                ),
+            )
+        self.feeds[-1:] = (
+            [replace(last, element=Line(begin))]
+            if math.dist(last.start, begin) > SAME_POINT_M
+            else []
+        )
+        height = last.heights_m[1]
+        fits = len(self.feeds) == len(self.has_plunged)
+        self.feeds.append(Feed(begin, way, self.place, (height, height)))
+        if fits:
+            self.has_plunged.append(self.has_plunged[-1])
+            self.is_on.append(self.is_on[-1])
+        return end
 
     def _centre(self, start: Point2, end: Point2, words: Mapping[str, float]) -> Point2:
         """Return the centre of an arc, by I and J or by R."""

@@ -24,6 +24,9 @@ Dialect = Literal["rs274", "siemens", "heidenhain"]
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _BRACKET = re.compile(r"[()]")
 _BLANK = re.compile(r"\s")
+CORNER = re.compile(r"(RND|CHR)(\d+\.?\d*|\.\d+)")
+"""A line that rounds off (radius) or cuts off (legs) the corner between two moves; not of RS274."""
+_COMMA = re.compile(r",([RC])(\d+\.?\d*|\.\d+)$")
 _CALL = re.compile(r"M0*9([78])(?!\d)")
 _END = re.compile(r"M0*99(?!\d)")
 _LABEL = re.compile(r"[O:]0*(\d+)$")
@@ -32,6 +35,7 @@ _IS_SIEMENS = re.compile(
     r"^%_N_|^;\s*%_N_|\bCR ?=|\bMSG$|\bCYCLE\d|\bWORKPIECE|\b[XYZIJ] ?=|\bMCALL|\bT ?=\"",
     re.MULTILINE,
 )
+_IS_HEIDENHAIN = re.compile(r"(?:N?\d+\s+)?BEGIN\s+PGM\b")
 _SIEMENS_HEAD = re.compile(r";?\s*%_N_(\w+?)_(MPF|SPF)")
 
 
@@ -161,9 +165,7 @@ class ProgramLines:
                 return
             call = self._call(code)
             if call is None:
-                for line in (
-                    self._translate(code, self._lines[i - 1]) if self._translate else [code]
-                ):
+                for line in self._rs274(code, self._lines[i - 1]):
                     yield number, line
                 continue
             rest, name, times = call
@@ -183,6 +185,15 @@ class ProgramLines:
                 inner = f", called in line {number}" if not repeated else called
                 yield from self._section(first, last, inner, depth + 1)
             self._machine.place = self._place = f"line {number}{called}"
+
+    def _rs274(self, code: str, line: str) -> list[str]:
+        if self._translate:
+            return self._translate(code, line)
+        comma = _COMMA.search(code)
+        if comma is None:
+            return [code]
+        kind = "RND" if comma[1] == "R" else "CHR"
+        return [code[: comma.start()], f"{kind}{comma[2]}"]
 
     def _ends(self, code: str, depth: int, number: int) -> bool:
         """Return whether a program or subprogram ends before this line."""
@@ -216,7 +227,7 @@ class ProgramLines:
 def _dialect(path: Path, lines: list[str]) -> Dialect:
     text = [line.strip().upper() for line in lines]
     first = next((line for line in text if line), "")
-    if re.match(r"(?:\d+\s+)?BEGIN\s+PGM\b", first):
+    if any(_IS_HEIDENHAIN.match(line) for line in [first, *text]):
         return "heidenhain"
     if path.suffix.lower() in (".mpf", ".spf"):
         return "siemens"
@@ -231,7 +242,10 @@ def _clean(line: str, dialect: Dialect) -> str:
     line = line.upper().partition(";")[0].strip()
     if dialect == "siemens":
         return "" if line.startswith(("%", "$PATH")) else line
-    return " ".join(re.sub(r"^\d+(?:\s+|$)", "", line).replace(",", ".").removesuffix("~").split())
+    line = "" if line.startswith("(") else line
+    return " ".join(
+        re.sub(r"^N?\d+(?:\s+|$)", "", line).replace(",", ".").removesuffix("~").split()
+    )
 
 
 def _without_comments(line: str) -> str:
