@@ -414,6 +414,7 @@ SMALL_MODULES = {
     "skillplan_optuna.journal_file": "checks a file; the sampler chooses settings",
     "skillplan_ortools.watched_search": "the only module that imports OR-Tools",
     "skillplan_pinocchio.timing.toppra_problem": "the only import of toppra, if needed",
+    "skillplan_pinocchio.holds": "measures surfaces; its importer sweeps convex pieces",
     "skillplan_ray.access": "secrets of a cluster are in one place",
     "skillplan_ros2.timed_paths": "plans paths; the exporter only writes them",
     "skillplan_swarmitfix.base.goals_task": "one module for each task of a chain",

@@ -25,7 +25,16 @@ from skillplan.task.pose import (
     plus,
     unit,
 )
-from skillplan.task.scene import Body, Grasp, GraspKind, Robot, Scene, Tool, ToolKind
+from skillplan.task.scene import (
+    STANDARD_CUP_M,
+    Body,
+    Grasp,
+    GraspKind,
+    Robot,
+    Scene,
+    Tool,
+    ToolKind,
+)
 from skillplan.task.shape import Box, Cylinder, Shape
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -399,7 +408,7 @@ def describe_too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
     """Return a message on a part of a skill that is wider than the jaws open, or None."""
     attached = skill.parameters.get("tool")
     tool = next((tool for tool in robot.tools if tool.name == attached), None)
-    for visit in _list_handled(skill):
+    for visit in list_handled(skill):
         grasp = choose_visit_grasp(scene.body(visit.subject), visit)
         opening_m = find_opening_m(tool, robot.hand)
         if grasp.kind is GraspKind.JAWS and grasp.width_m > opening_m + _ROUNDING_M:
@@ -419,13 +428,13 @@ def find_jaw_faults(task: Task) -> dict[str, str]:
         reasons = [describe_too_wide(scene, scene.robots[0], variant) for variant in ways]
         # A part may be too wide for one grasp and fit another.
         words = reasons[0] if all(reasons) else None
-        for visit in _list_handled(skill) if words is not None else ():
+        for visit in list_handled(skill) if words is not None else ():
             first = scene.body(visit.subject).placements[0].fact
             faults.setdefault(task.operations.get(visit.subject, first), f"{words}.")
     return faults
 
 
-def _list_handled(skill: Skill) -> Iterator[Visit]:
+def list_handled(skill: Skill) -> Iterator[Visit]:
     """Yield the visits at which a skill grasps or releases a part."""
     for route in skill.motion.routes if skill.motion is not None else ():
         for visit in route.visits:
@@ -433,10 +442,10 @@ def _list_handled(skill: Skill) -> Iterator[Visit]:
                 yield visit
 
 
-# Diameter and length of a bit or pad, below a shank that ends at the flange [m].
+# Diameter and length of a bit, and height of a pad, below a shank that ends at the flange [m]. A
+# narrow pad has a stem as long as a bit.
 _BIT_DIAMETER_M: Final = 0.005
 _BIT_LENGTH_M: Final = 0.040
-_PAD_DIAMETER_M: Final = 0.016
 _PAD_HEIGHT_M: Final = 0.006
 _SHANK_DIAMETER_M: Final = 0.036
 
@@ -455,11 +464,9 @@ def build_tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ..
         return ()
     if tool.envelope is not None:
         return (tool.envelope,)
-    diameter_m, height_m = (
-        (_BIT_DIAMETER_M, _BIT_LENGTH_M)
-        if tool.kind is ToolKind.SCREWDRIVER
-        else (_PAD_DIAMETER_M, _PAD_HEIGHT_M)
-    )
+    drives = tool.kind is ToolKind.SCREWDRIVER
+    diameter_m = _BIT_DIAMETER_M if drives else tool.cup_m
+    height_m = _BIT_LENGTH_M if drives or tool.cup_m < STANDARD_CUP_M else _PAD_HEIGHT_M
     shank_m = hand.tip_m - height_m
     return (
         Cylinder(diameter_m, height_m, (0.0, 0.0, height_m / 2)),

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Final
 
 from skillplan.robots.arm_description import ArmDescription, Hand, Transform
 from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
@@ -137,6 +138,10 @@ class ToolKind(StrEnum):
     SCREWDRIVER = "screwdriver"
 
 
+STANDARD_CUP_M: Final = 0.016
+"""Diameter of a suction cup that a task does not describe [m]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Tool:
     """A tool that a robot can attach.
@@ -158,6 +163,8 @@ class Tool:
         Shape of a gripper; None for the hand of the arm.
     mass_kg
         Mass on the flange [kg], >= 0; None for that of the arm's hand.
+    cup_m
+        Diameter of a suction cup [m], > 0.
     """
 
     name: str
@@ -169,6 +176,7 @@ class Tool:
     force_n: float | None = None
     hand: Hand | None = None
     mass_kg: float | None = None
+    cup_m: float = STANDARD_CUP_M
 
 
 @dataclass(frozen=True)

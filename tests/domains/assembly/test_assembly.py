@@ -181,3 +181,36 @@ def test_the_arm_stands_at_one_place_with_one_tool_and_one_hand(motor_drive_task
     for state in reachable_states(make_model(motor_drive_task), 500):
         for group in groups:
             assert sum(fact in state for fact in group) == 1
+
+
+def test_a_fixed_part_stands_from_the_start_and_no_skill_moves_it():
+    """A base of 40 kg, which no arm has to carry; what stands on it is placed as ever."""
+    task = assembly(
+        {
+            "kind": "assembly",
+            "name": "heavy-base",
+            "robot": {"home_m": [0.35, 0.0]},
+            "tools": {"gripper": {"holder_m": [0.2, 0.5]}},
+            "initial_tool": "gripper",
+            "parts": {
+                "base": {
+                    "fixed": True,
+                    "mass_kg": 40,
+                    "size_m": [0.2, 0.1, 0.03],
+                    "goal_m": [0.5, 0.2],
+                },
+                "block": {
+                    "tool": "gripper",
+                    "size_m": [0.04, 0.03, 0.02],
+                    "start_m": [0.4, -0.2],
+                    "goal_m": [0.5, 0.2],
+                    "goal_on": "base",
+                },
+            },
+        }
+    )
+    assert {skill.name for skill in task.skills} == {"pick(block)", "place(block)", "load(gripper)"}
+    assert "placed(base)" in task.initial
+    assert task.operations == {"block": "placed(block)"}
+    placements = task.scene.body("base").placements
+    assert [placement.fact for placement in placements] == ["placed(base)"]

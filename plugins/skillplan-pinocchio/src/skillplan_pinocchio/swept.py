@@ -32,6 +32,7 @@ from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.arm_paths import ArmPaths, PathSettings, SkillPaths
 from skillplan_pinocchio.hand_sweeps import HandSweeps
+from skillplan_pinocchio.holds import describe_no_hold
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion
@@ -385,6 +386,7 @@ class SweptDetector(Detector):
 
     def _swept_motion(self, skill: Skill, state: State) -> SweptMotion:
         words = describe_too_wide(self.task.scene, self._robot, skill)
+        words = words or describe_no_hold(self.task.scene, self._robot, skill)
         if words is not None:
             return SweptMotion((Collision(None, words, {}),), ())
         return self._builder.build(self.paths.motions(skill, state))

@@ -63,7 +63,8 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
     yield from check(config.initial_tool, config.tools, "tool", "initial_tool")
     for name, part in config.parts.items():
         here = ("parts", name)
-        yield from check(part.tool, config.tools, "tool", *here, "tool")
+        if not part.fixed:
+            yield from check(part.tool, config.tools, "tool", *here, "tool")
         yield from check(part.feeder, config.feeders, "feeder", *here, "feeder")
         yield from _check_supports(config, name)
         if part.start_on in config.parts and config.parts[part.start_on].feeder is not None:
@@ -74,7 +75,11 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
         yield from check(screw.tool, config.tools, "tool", *here, "tool")
         yield from check(screw.through, config.parts, "part", *here, "through")
         yield from check(screw.feeder, config.feeders, "feeder", *here, "feeder")
-    components = [*config.parts, *config.screws]
+    components = [*config.moved_parts, *config.screws]
+    if not components:
+        yield Issue(
+            "all parts are fixed, so there is nothing to do. Let a hand move one.", ("parts",)
+        )
     for i, line in enumerate(config.chart):
         yield from check(line.before, components, "part or screw", "chart", i, "before")
         for j, after in enumerate(line.after):
@@ -176,7 +181,7 @@ def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
     """Return the actions that every plan must contain, each with a fact of the goal."""
     jobs = [
         (f"placed({name})", [f"pick({name})", f"place({name})"], part.tool)
-        for name, part in config.parts.items()
+        for name, part in config.moved_parts.items()
     ]
     jobs += [
         (f"fastened({name})", [f"fasten({name})"], s.tool) for name, s in config.screws.items()
@@ -195,8 +200,8 @@ def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
 def _check_step_limit(config: AssemblyConfig) -> Iterator[Issue]:
     if config.goal is not None or config.step_limit is None:
         return
-    steps = 2 * len(config.parts) + len(config.screws)
-    tools = {part.tool for part in config.parts.values()}
+    steps = 2 * len(config.moved_parts) + len(config.screws)
+    tools = {part.tool for part in config.moved_parts.values()}
     tools |= {screw.tool for screw in config.screws.values()}
     changes = len(tools - {config.initial_tool})
     if config.tool_change.style == "separate" and config.initial_tool is not None:

@@ -106,7 +106,7 @@ def _find_overloads(config: AssemblyConfig) -> Iterator[Issue]:
             given = config.tools[name].mass_kg is not None
             words = f"{kg:g} kg is {most}" if given else f"the hand, {kg:g} kg, is {most}"
             yield Issue(words, ("tools", name, "mass_kg") if given else ("robot", "payload_kg"))
-    for section, items in (("parts", config.parts), ("screws", config.screws)):
+    for section, items in (("parts", config.moved_parts), ("screws", config.screws)):
         for name, item in items.items():
             kg = on_flange_kg[item.tool]
             if item.mass_kg + kg > limit_kg >= kg:
@@ -159,7 +159,7 @@ def _list_places(config: AssemblyConfig) -> Iterator[tuple[tuple[str | int, ...]
         yield ("tools", name, "holder_m"), tool.holder, 0.0
     for name, feeder in config.feeders.items():
         yield ("feeders", name, "position_m"), feeder.position, 0.0
-    for name, part in config.parts.items():
+    for name, part in config.moved_parts.items():
         if part.feeder is None:
             key = "start_m" if part.start_m is not None else "start_on"
             yield ("parts", name, key), *_measure_load(layout.start(name), part)

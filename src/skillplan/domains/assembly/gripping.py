@@ -59,6 +59,8 @@ def list_grasps(config: AssemblyConfig, name: str) -> tuple[Grasp, ...]:
 
     For ``auto`` these are the candidates that a hand can take.
     """
+    if config.parts[name].fixed:
+        return ()
     choices = _list_choices(config, name)
     if config.parts[name].grasp == "auto":
         choices = [choice for choice in choices if not any(_find_faults(choice))] or choices[:1]
@@ -72,7 +74,15 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
             kind = choose_tool_kind(config, name)
             message = f"a tool of type {kind} has no jaws. Leave it out, or give type: gripper."
             yield Issue(message, ("tools", name, "opening_m"))
-    for name, part in config.parts.items():
+        if tool.cup_diameter_m is not None:
+            kind = choose_tool_kind(config, name)
+            if kind is not ToolKind.SUCTION:
+                message = f"a tool of type {kind} has no cup. Leave it out, or give type: suction."
+                yield Issue(message, ("tools", name, "cup_diameter_m"))
+            elif tool.envelope_m is not None:
+                message = "give 'envelope_m' or 'cup_diameter_m': the cup is part of the envelope."
+                yield Issue(message, ("tools", name, "cup_diameter_m"))
+    for name, part in config.moved_parts.items():
         if choose_tool_kind(config, part.tool) is ToolKind.SCREWDRIVER:
             message = f"{part.tool!r} is a screwdriver, which holds no part. Name another."
             yield Issue(message, ("parts", name, "tool"))
@@ -155,6 +165,7 @@ def _find_suction_faults(choice: _Choice) -> Iterator[Issue]:
         # From any side but the top it turns the hand.
         "closing_axis": handle.from_top and given.closing_axis != "auto",
         "depth_m": given.depth_m is not None,
+        "width_m": given.width_m is not None,
     }
     if choice.part.grasp != "auto":
         for key in (key for key, applies in is_for_jaws.items() if applies):
@@ -182,7 +193,7 @@ def _find_jaws_faults(choice: _Choice) -> Iterator[Issue]:
     grasp = handle.jaws()
     if not handle.between_fingers(grasp):
         yield _report_miss(choice, grasp.tip, "the jaws")
-    else:
+    elif given.width_m is None:
         yield from _find_offset(choice, grasp)
     if opening_m is not None and grasp.width_m > opening_m - _PLAY_M + 1e-9:
         yield _report_width(choice, grasp, opening_m)

@@ -23,7 +23,7 @@ from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME,
 from skillplan.task.cost import DistanceCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
-from skillplan.task.scene import Body, Placement, Pose, Robot, Scene, Tool
+from skillplan.task.scene import STANDARD_CUP_M, Body, Placement, Pose, Robot, Scene, Tool
 from skillplan.task.shape import Box, Cylinder
 from skillplan.task.skill import Outcome, Skill, Way
 from skillplan.task.state import Condition, Facts
@@ -70,7 +70,7 @@ class _Grounding:
         skills = {skill.name: skill for skill in self._list_skills()}
         order = config.actions or vocabulary.list_actions(config)
         operations = {
-            **{name: f"placed({name})" for name in config.parts},
+            **{name: f"placed({name})" for name in config.moved_parts},
             **{name: f"fastened({name})" for name in config.screws},
         }
         goal = config.goal or list(operations.values())
@@ -80,7 +80,10 @@ class _Grounding:
             facts=facts,
             skills=tuple(skills[name] for name in order),
             initial=facts.of(
-                *(f"at_start({part})" for part in config.parts),
+                *(
+                    f"placed({name})" if part.fixed else f"at_start({name})"
+                    for name, part in config.parts.items()
+                ),
                 NO_TOOL if config.initial_tool is None else f"tool({config.initial_tool})",
                 HAND_FREE,
                 f"at({HOME})",
@@ -124,7 +127,7 @@ class _Grounding:
         config, layout = self.config, self.layout
         home = (config.robot.home_m[0], config.robot.home_m[1], config.robot.safe_height_m)
         positions: dict[str, Point] = {HOME: home}
-        for part in config.parts:
+        for part in config.moved_parts:
             positions[vocabulary.name_start(config, part)] = layout.start(part).pose.position
             positions[f"{part}.goal"] = layout.goal(part).pose.position
         for name, tool in config.tools.items():
@@ -137,7 +140,7 @@ class _Grounding:
 
     def _list_skills(self) -> Iterator[Skill]:
         """Yield all skills: picks and places, tool changes, fastenings."""
-        for name in self.config.parts:
+        for name in self.config.moved_parts:
             yield self._build_pick(name)
             yield self._build_place(name)
         for tool in self.config.tools:
@@ -225,7 +228,7 @@ class _Grounding:
         part = self.config.parts[name]
         start = vocabulary.name_start(self.config, name)
         looks = name in vocabulary.list_missed_parts(self.config)
-        above = [n for n in self.config.parts if name in self.beneath[n]]
+        above = [n for n in self.config.moved_parts if name in self.beneath[n]]
         visits = list_pick_visits(self.config, name)
         return self._build_skill(
             "pick",
@@ -360,9 +363,9 @@ def choose_step_limit(config: AssemblyConfig) -> int:
     if config.step_limit is not None:
         return config.step_limit
     skills_per_change = 2 if config.tool_change.style == "separate" else 1
-    components = len(config.parts) + len(config.screws)
+    components = len(config.moved_parts) + len(config.screws)
     changes = components + 1 if len(config.tools) > 1 else 1
-    failures = [part.grasp_failure for part in config.parts.values()]
+    failures = [part.grasp_failure for part in config.moved_parts.values()]
     tries = [
         max(1, math.ceil(math.log(_LEFT_BEHIND) / math.log(failure) - 1e-9)) if failure else 1
         for failure in failures
@@ -410,13 +413,16 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
 def _build_part(config: AssemblyConfig, name: str) -> Body:
     part, layout = config.parts[name], get_layout(config)
     convex, shapes = part.convex_shapes, part.shapes
+    placed = Placement(f"placed({name})", layout.goal(name).pose)
     return Body(
         name,
         convex,
-        (
+        (placed,)
+        if part.fixed
+        else (
             Placement(f"at_start({name})", layout.start(name).pose, solid=part.feeder is None),
             Placement(f"held({name})", Pose((0.0, 0.0, 0.0)), frame=config.robot.name),
-            Placement(f"placed({name})", layout.goal(name).pose),
+            placed,
         ),
         part.mass_kg,
         list_grasps(config, name),
@@ -445,4 +451,5 @@ def _build_tool(config: AssemblyConfig, name: str) -> Tool:
         entry.force_n,
         entry.hand_on(config.robot.hand),
         entry.mass_kg,
+        STANDARD_CUP_M if entry.cup_diameter_m is None else entry.cup_diameter_m,
     )

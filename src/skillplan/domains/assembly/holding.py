@@ -126,7 +126,11 @@ class Handle:
 
     def jaws(self, *, centred: bool = False) -> Grasp:
         """Return the grasp of jaws; `centred` ignores a given point."""
-        point = None if centred else self.point
+        grasp = self._choose_jaws(None if centred else self.point)
+        width_m = self.given.width_m
+        return grasp if width_m is None else replace(grasp, width_m=width_m)
+
+    def _choose_jaws(self, point: Point | None) -> Grasp:
         named = self.given.closing_axis
         if self.from_top and named in ("x", "y", "auto"):
             axis = None if named == "auto" else str(named)
@@ -296,9 +300,13 @@ def name_grasps(grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
     names = [name_side(grasp.approach) for grasp in grasps]
     for detail in (_describe_closing, _describe_kind):
         taken = Counter(names)
+        details = [detail(grasp) for grasp in grasps]
+        # Grasps that share the last detail, too, are numbered.
+        kinds = Counter(name for name, _ in set(zip(names, details, strict=True)))
+        tells = taken if detail is _describe_closing else kinds
         names = [
-            f"{name} {detail(grasp)}" if taken[name] > 1 else name
-            for name, grasp in zip(names, grasps, strict=True)
+            f"{name} {words}" if tells[name] > 1 else name
+            for name, words in zip(names, details, strict=True)
         ]
     taken, numbers = Counter(names), {name: count(1) for name in names}
     names = [f"{name} {next(numbers[name])}" if taken[name] > 1 else name for name in names]

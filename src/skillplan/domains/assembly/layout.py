@@ -66,6 +66,8 @@ class Layout:
 
     def start(self, name: str) -> Solid:
         """Return a part at the start; a part in a feeder as the feeder presents it."""
+        if self.config.parts[name].fixed:
+            return self.goal(name)
         if name not in self._starts:
             part = self.config.parts[name]
             beneath: list[Solid] = []

@@ -59,7 +59,7 @@ def _find_idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
 
 def _find_wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield parts that are wider along their closing axis than the jaws of an engine open."""
-    for name, part in config.parts.items():
+    for name, part in config.moved_parts.items():
         grasps = list_grasps(config, name)
         tool = config.tools[part.tool]
         opening_m = (tool.hand_on(config.robot.hand) or config.robot.hand).opening_m
@@ -105,7 +105,9 @@ def _find_blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
                     f"{name!r} lies where {feeder!r} hands out {_join_names(waiting)}, which "
                     "cannot be taken before it is gone. Move one of them."
                 )
-                key = "start_on" if config.parts[name].start_m is None else "start_m"
+                part = config.parts[name]
+                key = "start_on" if part.start_m is None else "start_m"
+                key = "goal_m" if part.fixed else key
                 yield Issue(message, ("parts", name, key))
 
 
@@ -154,7 +156,8 @@ def list_supports(config: AssemblyConfig) -> Overview:
     for name, part in config.parts.items():
         start, goal = find_start_rests(config, name), find_goal_rests(config, name)
         before = f"in {part.feeder}" if part.feeder is not None else f"on {_format_rests(start)}"
-        lines.append(f"rests      {name} on {_format_rests(goal)}; at the start {before}")
+        before = "fixed from the start" if part.fixed else f"at the start {before}"
+        lines.append(f"rests      {name} on {_format_rests(goal)}; {before}")
         entries.append({"part": name, "start": _build_rests(start), "goal": _build_rests(goal)})
     origins, meshes = list_moved_meshes(config)
     more, pieces = list_pieces(config)
@@ -177,7 +180,7 @@ def list_choices(config: AssemblyConfig) -> Overview:
     Parts with one grasp and no given direction of insertion are left out.
     """
     lines, entries = [], []
-    for name, part in config.parts.items():
+    for name, part in config.moved_parts.items():
         grasps = [grasp.name for grasp in list_grasps(config, name) if grasp.name]
         directions = () if part.insert_along is None else list_directions(config, name)
         if not grasps and not directions:

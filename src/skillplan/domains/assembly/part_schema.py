@@ -54,6 +54,17 @@ Names = Annotated[
     BeforeValidator(_make_list, json_schema_input_type=Name | list[Name]),
 ]
 
+
+def _is_false(value: bool) -> bool:
+    return not value
+
+
+# Keys that say how a hand moves a part.
+_MOVED_KEYS = (
+    *("tool", "grasp", "grasp_failure", "start_m", "start_on", "feeder", "start_yaw_rad"),
+    *("start_rpy_rad", "insert_along", "insert_m", "durations_s"),
+)
+
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
 """Keys for the shape of a part, exactly one of which is given."""
 
@@ -181,7 +192,12 @@ class MeshConfig(Strict):
 class PartConfig(Strict):
     """A part: shape, start and goal."""
 
-    tool: Name = Field(description="the tool that grasps it")
+    tool: Name = Field("", description="the tool that grasps it; a fixed part has none")
+    fixed: bool = Field(
+        False,
+        exclude_if=_is_false,
+        description="it stands at its goal from the start, and no hand moves it: a heavy base",
+    )
     mass_kg: Mass = Field(0.1, description="mass [kg]")
     size_m: Extents | None = Field(
         None, description="extents of a simple box, x y z [m]; or one of boxes, cylinder and meshes"
@@ -255,6 +271,13 @@ class PartConfig(Strict):
     def _one_shape_one_start(self) -> PartConfig:
         if sum(getattr(self, key) is not None for key in SHAPE_KEYS) != 1:
             raise Located("give one of 'size_m', 'boxes', 'cylinder' and 'meshes'.")
+        if self.fixed:
+            for key in _MOVED_KEYS:
+                if key in self.model_fields_set:
+                    raise Located("no hand moves a fixed part. Leave it out.", key)
+            return self
+        if "tool" not in self.model_fields_set:
+            raise Located("key 'tool' is missing; only a fixed part has none.")
         lies = self.start_m is not None or self.start_on is not None
         if lies == (self.feeder is not None):
             raise Located("give one of 'start_m', 'start_on' and 'feeder'.")

@@ -38,6 +38,7 @@ from skillplan.robots.catalogue import (
     STANDARD_HAND,
 )
 from skillplan.task.pose import Point, Pose, Quaternion
+from skillplan.task.scene import STANDARD_CUP_M
 
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
@@ -212,6 +213,12 @@ class ToolConfig(Strict):
         description="a jaw of a gripper from its end upwards, as rows of: height above the end, "
         "half its width, and how far behind its face it begins and ends [m]; convex between; left "
         "out: that of the arm's hand",
+    )
+    cup_diameter_m: Annotated[float, Field(ge=1e-3, le=0.2)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description=f"diameter of a suction cup [m]; one narrower than {STANDARD_CUP_M:g} m has a "
+        f"stem as narrow, 0.04 m long; left out: {STANDARD_CUP_M:g}",
     )
     holder_m: Planar = Field(description="place of its holder, x y [m]")
     holder_height_m: Height = Field(0.0, description="height of the holder [m]")

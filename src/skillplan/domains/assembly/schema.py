@@ -199,3 +199,8 @@ class AssemblyConfig(Strict):
     expect: ExpectConfig | None = Field(
         None, description="figures that tests verify; left out: none"
     )
+
+    @property
+    def moved_parts(self) -> dict[str, PartConfig]:
+        """The parts that hands move, by name."""
+        return {name: part for name, part in self.parts.items() if not part.fixed}

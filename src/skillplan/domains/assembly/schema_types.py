@@ -68,6 +68,11 @@ Axis = Annotated[
 """An axis of a part by name, or a direction."""
 
 
+def is_absent(value: Any) -> bool:
+    """Return True if a key is left out: such files keep the hash of earlier versions."""
+    return value is None
+
+
 class GraspConfig(Strict):
     """A grasp of a part."""
 
@@ -88,6 +93,12 @@ class GraspConfig(Strict):
         None,
         description="depth of the fingers below the part's top, seen from the hand [m]; left "
         "out: half of the held height, 0.012 at most",
+    )
+    width_m: Extent | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="distance of the jaws when they hold it, which is the part's thickness at "
+        "'at_m' [m]; left out: extent of the held shapes",
     )
     at_m: PlanarOrSpatial | None = Field(
         None,
@@ -131,11 +142,6 @@ Duration = Annotated[float, Field(ge=0, le=86_400)]
 _FETCH_S = 1.0
 _NEXT = "left out: dwell of its tool, or of the task"
 _LAST = "left out: dwell of the task"
-
-
-def is_absent(value: Any) -> bool:
-    """Return True if a key is left out: such files keep the hash of earlier versions."""
-    return value is None
 
 
 def _is_usual(value: float) -> bool:

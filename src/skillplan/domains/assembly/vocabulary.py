@@ -31,19 +31,24 @@ def allows_bare_hand(config: AssemblyConfig) -> bool:
 def list_facts(config: AssemblyConfig) -> Facts:
     """Return the facts of the task with their exclusive groups."""
     places = [HOME]
-    for part in config.parts:
+    for part in config.moved_parts:
         places += [name_start(config, part), f"{part}.goal"]
     places += [f"{tool}.holder" for tool in config.tools]
     places += list(config.screws)
     places += [f"{part}.missed" for part in list_missed_parts(config)]
-    parts = [f"{fact}({part})" for part in config.parts for fact in ("at_start", "held", "placed")]
+    parts = [
+        f"{fact}({name})"
+        for name, part in config.parts.items()
+        for fact in (("placed",) if part.fixed else ("at_start", "held", "placed"))
+    ]
     screws = [f"fastened({screw})" for screw in config.screws]
     tools = [f"tool({tool})" for tool in config.tools]
     if allows_bare_hand(config):
         tools.append(NO_TOOL)
     stands = [f"at({place})" for place in dict.fromkeys(places)]
-    held = tuple(f"held({part})" for part in config.parts)
-    whereabouts = tuple((f"at_start({p})", f"held({p})", f"placed({p})") for p in config.parts)
+    moved = config.moved_parts
+    held = tuple(f"held({part})" for part in moved)
+    whereabouts = tuple((f"at_start({p})", f"held({p})", f"placed({p})") for p in moved)
     return Facts(
         (*parts, *screws, *tools, HAND_FREE, CHANGED_TOOL, *stands),
         ((HAND_FREE, *held), tuple(tools), tuple(stands), *whereabouts),
@@ -52,7 +57,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
 
 def list_actions(config: AssemblyConfig) -> list[str]:
     """Return all actions in file order: pick and place by part, tool changes, fastenings."""
-    names = [f"{kind}({part})" for part in config.parts for kind in ("pick", "place")]
+    names = [f"{kind}({part})" for part in config.moved_parts for kind in ("pick", "place")]
     for tool in config.tools:
         if config.tool_change.style == "separate":
             names.append(f"offload({tool})")
