@@ -10,10 +10,11 @@ import pytest
 import trimesh
 import yaml
 
-from cad_fixtures import box, part_of, step_path
+from cad_fixtures import box, part_of, rod, step_path
 from skillplan_cad import (
     Item,
     Planner,
+    Product,
     ReadOptions,
     assemble_relation,
     assign_task_names,
@@ -33,7 +34,11 @@ TOLERANCE_M = 1e-4
 
 def planned(name):
     """Return a product from STEP, its relation and its plan."""
-    product = read_product(step_path(name), ReadOptions())
+    return relate(read_product(step_path(name), ReadOptions()))
+
+
+def relate(product):
+    """Return a product, its relation and its plan."""
     joints = find_joints(product, TOLERANCE_M, "axes", "unscrew")
     blocked = find_blocked(product, joints.directions, TOLERANCE_M)
     relation = assemble_relation(product, joints, blocked, TOLERANCE_M, "unscrew")
@@ -80,6 +85,21 @@ def test_identical_parts_come_from_one_feeder_and_screws_go_to_their_holes(writt
         assert z == pytest.approx(0.047, abs=1e-6)
         assert screws[name]["head_diameter_m"] == pytest.approx(0.007, abs=1e-4)
     assert written.limits == {}
+
+
+def test_a_head_is_seated_on_the_face_below_it_though_the_shank_fills_its_hole():
+    """No play between shank and plate: both faces belong to one contact."""
+    screw = rod(30, 20, 15, 2, 15) + rod(30, 20, 30, 4, 3)
+    solids = {
+        "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 2, 10),
+        "plate": box(0, 0, 20, 60, 40, 30) - rod(30, 20, 20, 2, 10),
+        "M4 screw": screw,
+    }
+    parts = tuple(part_of(name, solid) for name, solid in solids.items())
+    product = Product("pair", parts, "mm", 5e-5)
+    document = build_task(*relate(product)).document
+    assert document["screws"]["M4_screw"]["hole_m"][2] == pytest.approx(0.030, abs=1e-6)
+    assert document["screws"]["M4_screw"]["head_height_m"] == pytest.approx(0.003, abs=1e-6)
 
 
 def test_the_slide_goes_in_from_the_side_and_the_cover_rests_on_both_posts(written):

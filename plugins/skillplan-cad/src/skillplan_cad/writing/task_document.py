@@ -488,14 +488,18 @@ def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
     A nut consists of head only.
     """
     axis = np.asarray(fastener.axis)
+    lowest = float((part.vertices_m @ axis).min())
     if fastener.kind == "nut":
-        return float((part.vertices_m @ axis).min())
+        return lowest
+    beneath_head = lowest + fastener.length_m
     for contact in relation.contacts:
         if {part.name, fastener.joins[0]} != set(contact.parts) or not contact.points_m:
             continue
         if any(abs(float(np.dot(normal, axis))) > _FLAT for normal in contact.normals):
-            return float(np.median(np.asarray(contact.points_m) @ axis))
-    return float((part.vertices_m @ axis).min()) + fastener.length_m
+            # The points of the shank in its hole belong to the same contact.
+            along = np.asarray(contact.points_m) @ axis
+            return float(along[np.abs(along - beneath_head).argmin()])
+    return beneath_head
 
 
 _MOST_DIRECTIONS = 3
