@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import partial
 
 import jsonschema
@@ -13,7 +14,7 @@ from PIL import Image as PillowImage
 from cad_products import FIXTURES, file
 from skillplan.cli import run
 from skillplan.plugins import installed
-from skillplan.views.figures import render_exploded_png
+from skillplan.views.report import draw_import
 from skillplan_cad import read_relation
 from skillplan_cad.importing import import_cad
 from thinned import slow_case
@@ -38,9 +39,7 @@ def registered(monkeypatch, tmp_path):
 def made(tmp_path_factory):
     """Return what an import wrote, once for all that only look at it."""
     folder = tmp_path_factory.mktemp("imported") / "product"
-    import_cad.import_cad(
-        SOURCE, str(folder), {"keep": False}, lambda line: None, render_exploded_png
-    )
+    import_cad.import_cad(SOURCE, str(folder), {"keep": False}, lambda line: None, draw_import)
     return folder
 
 
@@ -68,6 +67,17 @@ def test_a_picture_shows_the_parts_taken_apart(made):
         assert len(picture.convert("RGB").getcolors(maxcolors=1 << 24)) > 10
 
 
+def test_a_page_shows_the_product_and_what_was_found(made):
+    """It loads nothing, and a click on a part leads to its move."""
+    page = (made / "import.html").read_text("utf-8")
+    assert "All 3 parts of the product are in the task." in page
+    for heading in ("Exploded", "In the task, and left out", "What blocks what", "Fasteners"):
+        assert f">{heading}</h2>" in page
+    assert '<span data-seek-s="0.000" tabindex="0" role="button">block</span>' in page
+    assert "default-src &#x27;none&#x27;" in page
+    assert not re.search(r'(src|href)="(?!#|data:)', page)
+
+
 @pytest.mark.slow(reason="imports twice; a relation that was written is read in every run")
 def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(
     tmp_path, made, capsys, monkeypatch
@@ -82,6 +92,7 @@ def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(
     assert run(["import-cad", SOURCE, "--out", str(tmp_path / "4"), "--jobs", "2"]) == 0
     first, *others = (contents(folder) for folder in (made, *(tmp_path / n for n in "014")))
     assert {"relation.json", "report.json", "exploded.png", "product.yaml"} < first.keys()
+    assert "import.html" in first
     assert all(other == first for other in others)
     assert "kept from" not in messages[0]
     assert messages[1].count("kept from an earlier run") == 6

@@ -249,7 +249,8 @@ def command(
 
     Finds parts, contacts and screws, tests which part blocks which in each direction, and plans
     the assembly. Writes relation.json (blockings), report.json (parts, masses, overlaps,
-    assumptions, plan), exploded.png (drawing) and product.yaml (a task that `skillplan check`
+    assumptions, plan), exploded.png (drawing), import.html (a page with all of it and a playback),
+    and product.yaml (a task that `skillplan check`
     accepts) with its meshes. Parts that one arm cannot place are left out of the task; the report
     gives the reasons. The exit code is 1 if no part is left for a task.
 
@@ -260,7 +261,7 @@ def command(
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
     from skillplan.records.schemas import IMPORT
-    from skillplan.views.figures.exploded_figure import render_exploded_png
+    from skillplan.views.report.import_page import draw_import
     from skillplan.views.tables.installation import tabulate_import
 
     limits.begin(graceful=False)
@@ -290,7 +291,7 @@ def command(
             "keep": not no_cache,
         },
         lambda line: tell(f"skillplan: {line}"),
-        render_exploded_png,
+        draw_import,
     )
     for warning in imported.warnings:
         tell(f"skillplan: warning: {warning}")

@@ -1,3 +1,5 @@
+from .import_page import draw_import as draw_import
+from .import_page import render_import_page as render_import_page
 from .markup import Markup as Markup
 from .markup import number as number
 from .markup import numbers as numbers
@@ -23,11 +25,13 @@ __all__ = [
     "Section",
     "build_comparison_chapter",
     "build_lead",
+    "draw_import",
     "embed_json",
     "embed_picture",
     "number",
     "numbers",
     "read_page_style",
+    "render_import_page",
     "render_page",
     "seconds",
     "share",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from skillplan.task.pose import DOWN, Pose
 from skillplan.task.pose import Point as Point3
@@ -12,14 +13,16 @@ from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.product import Part, Product
 from skillplan_cad.writing.top_grasp import Upright, place_upright
 
-Added = tuple[Body, Pose, Point3]
+AddedBody = tuple[Body, Pose, Point3]
 """A body, its goal pose, and the unit vector of its final move."""
 
-Draw = Callable[[str, Sequence[Added]], bytes]
-"""Draws bodies in order of assembly, titled with the product's name."""
+Draw = Callable[
+    [Mapping[str, Any], Mapping[str, Any], Sequence[AddedBody]], Mapping[str, str | bytes]
+]
+"""Returns files with pictures of a product, from its report, its relation and its bodies."""
 
 
-def place_bodies(product: Product, plan: AssemblyPlan) -> list[Added]:
+def place_bodies(product: Product, plan: AssemblyPlan) -> list[AddedBody]:
     """Return the parts in order of the plan; stuck parts are one body with the base."""
     upright = place_upright(product, plan.up, (0.0, 0.0))
     stuck = [entry.part for entry in plan.stuck if entry.part != plan.base]

@@ -29,7 +29,7 @@ from skillplan_cad.importing.summary import (
 )
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Relation
-from skillplan_cad.relation_file import format_relation
+from skillplan_cad.relation_file import build_relation_document, format_relation
 
 # Largest number of fits printed one by one.
 _NAMED = 4
@@ -157,7 +157,7 @@ def import_cad(
     given
         Options by name; None for the default.
     draw
-        Draws `exploded.png`; None for no picture.
+        Draws the pictures and the page; None for none.
 
     Raises
     ------
@@ -170,18 +170,20 @@ def import_cad(
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_describe_missing_base(settings.base, relation))
-    plan = plan_product(path, findings, settings, draw)
+    plan = plan_product(path, findings, settings)
     relation = plan.relation
     waived = list_waived_pairs(findings.joints, findings.blocked, settings.threads)
     gaps = measure_gaps(product, relation)
     document = build_report(findings, waived, settings, path.name, gaps)
     document |= plan.document
     document["summary"] = build_summary(document)
-    files = {
+    files: dict[str, str | bytes] = {
         "relation.json": format_relation(relation),
         "report.json": format_document(IMPORT, document) + "\n",
         **plan.files,
     }
+    if draw is not None:
+        files |= draw(document, build_relation_document(relation), plan.added)
     write(folder, files)
     lines = (*_list_findings(product, relation), *findings.joints.notes, *plan.lines)
     messages = (*list_warnings(findings, gaps), *plan.warnings)

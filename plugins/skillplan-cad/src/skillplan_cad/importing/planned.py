@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from skillplan.robots.catalogue import DEFAULT_ARM
-from skillplan_cad.importing.exploded import Draw, place_bodies
+from skillplan_cad.importing.exploded import AddedBody, place_bodies
 from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.importing.summary import shorten_list
@@ -261,6 +261,8 @@ class Planned:
         True if `product.yaml` is among the files.
     document
         Fields of `report.json` about the plan.
+    added
+        Bodies in order of assembly, for pictures.
     files
         Contents of `product.yaml` and the meshes, if a part is left for the task.
     """
@@ -271,19 +273,16 @@ class Planned:
     files: Mapping[str, str | bytes]
     lines: tuple[str, ...]
     warnings: tuple[str, ...]
+    added: tuple[AddedBody, ...]
 
 
-def plan_product(
-    path: Path, findings: Findings, settings: ImportSettings, draw: Draw | None = None
-) -> Planned:
+def plan_product(path: Path, findings: Findings, settings: ImportSettings) -> Planned:
     """Plan a product and write its task.
 
     Parameters
     ----------
     path
         Source of the product; read again for the replay.
-    draw
-        Draws `exploded.png`; None for no picture.
     """
     product, relation = findings.relieved, findings.relation
     bearing = choose_attitude(product, relation, settings.up)
@@ -291,8 +290,6 @@ def plan_product(
     tolerance_m = settings.tolerance_mm / 1000
     document: dict[str, Any] = {"plan": build_plan_document(plan, again, relation)}
     files: dict[str, str | bytes] = {}
-    if draw is not None:
-        files["exploded.png"] = draw(product.name, place_bodies(product, plan))
     warnings = _list_warnings(plan, again)
     lines = _list_lines(plan, again)
     words = "is an open surface; --thickness MM makes it a sheet"
@@ -340,6 +337,7 @@ def plan_product(
         files,
         tuple(lines),
         tuple(warnings),
+        tuple(place_bodies(product, plan)),
     )
 
 

@@ -153,7 +153,7 @@ def list_advice(document: Mapping[str, Any], relation: Relation, folder: str) ->
         words = f"free({name})"
         file = shlex.quote(f"{folder}/relation.json")
         lines.append(f"explain   skillplan explain {file} {shlex.quote(words)}")
-    lines.append(f"details   {folder}/report.json")
+    lines.append(f"details   {folder}/report.json, and to look at: {folder}/import.html")
     return lines
 
 
