@@ -122,13 +122,20 @@ def build_summary(document: Mapping[str, Any]) -> dict[str, Any]:
         "left_out": [
             {
                 "kind": kind,
-                "why": WHY.get(kind, kind),
+                "why": _describe_kind(kind, parts[0], document),
                 "parts": parts,
                 "by": [{"part": part, "count": n} for part, n in by[kind].most_common()],
             }
             for kind, parts in sorted(why.items(), key=lambda entry: -len(entry[1]))
         ],
     }
+
+
+def _describe_kind(kind: str, first: str, document: Mapping[str, Any]) -> str:
+    """Return a kind of reason in words; for refusals with those of `check` on the first part."""
+    if kind != "refused":
+        return WHY.get(kind, kind)
+    return f"{first} {document['left_out'][first]}"
 
 
 def list_advice(document: Mapping[str, Any], relation: Relation, folder: str) -> list[str]:
