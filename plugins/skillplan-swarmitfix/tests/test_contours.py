@@ -39,14 +39,19 @@ def program(text: str, name: str = "a.nc", unit: Any = "mm") -> FileContours:
         return read_contours(path, unit)
 
 
-def drawing(draw: Callable[[Drawing], Any], units: int = 4, **keys: Any) -> FileContours:
+def drawing(
+    draw: Callable[[Drawing], Any],
+    units: int = 4,
+    edit: Callable[[str], str] = str,
+    **keys: Any,
+) -> FileContours:
     document = ezdxf.new("R2000", units=units)
     draw(document)
     stream = io.StringIO()
     document.write(stream)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.dxf"
-        path.write_text(stream.getvalue(), "utf-8")
+        path.write_text(edit(stream.getvalue()), "utf-8")
         return read_contours(path, **keys)
 
 
@@ -482,6 +487,23 @@ class TestWhatALengthDoesNotDependOn:
 
 
 class TestDrawings:
+    def test_damaged_entities_are_passed_over_and_named(self):
+        """A scale of 0 across the plane is no damage."""
+
+        def draw(document: Drawing) -> None:
+            square = [(0, 0), (30, 0), (30, 10), (0, 10)]
+            document.blocks.new("B").add_lwpolyline(square, close=True)
+            space = document.modelspace()
+            for key in ("xscale", "zscale"):
+                space.add_blockref("B", (0, 0), dxfattribs={key: 7.25})
+            spline = space.add_open_spline([(0, 0), (5, 5), (9, 0), (20, 0)])
+            spline.knots = [0, 1]
+            spline.dxf.handle = "7A"
+
+        path = only(drawing(draw, edit=lambda text: text.replace("\n7.25\n", "\n0.0\n")))
+        assert path.length_m == pytest.approx(0.08)
+        assert "passed over: 1 damaged SPLINE #7A, 1 INSERT of scale 0" in path.notes
+
     def test_a_width_and_a_curve_by_fit_points_are_told(self):
         def draw(document: Drawing) -> None:
             space = document.modelspace()

@@ -489,6 +489,11 @@ def _contours(
             piece = reader.piece(entity)
         except _PassedOver as reason:
             passed_over[str(reason)] += 1
+        except TrajectoryFileError:
+            raise
+        except (ArithmeticError, ValueError, DXFError):
+            # ezdxf cannot evaluate it, such as a spline with too few knots.
+            passed_over[f"damaged {one_line(entity.dxftype(), 40)} #{entity.dxf.handle}"] += 1
         else:
             pieces.setdefault(name.lower(), []).append(piece)
     if layer is not None and layer.lower() not in names:
@@ -576,6 +581,11 @@ class _Expander:
             if block is None:
                 self.passed_over["INSERT without its block"] += 1
                 return
+            if not (entity.dxf.xscale and entity.dxf.yscale):
+                self.passed_over["INSERT of scale 0"] += 1
+                return
+            # Some programs write 0, which does not matter in plan.
+            entity.dxf.zscale = entity.dxf.zscale or 1.0
             if entity.mcount > 1:
                 if entity.mcount * max(1, len(block)) > self._left:
                     message = (
