@@ -16,6 +16,7 @@ from .mesh_files import MAX_CORNERS as MAX_CORNERS
 from .mesh_files import SUFFIXES as SUFFIXES
 from .mesh_files import MeshFileError as MeshFileError
 from .mesh_files import parse_mesh as parse_mesh
+from .mesh_files import parse_objects as parse_objects
 from .mesh_files import read_mesh as read_mesh
 from .overview import find_hints as find_hints
 from .resting import TABLE as TABLE
@@ -46,6 +47,7 @@ __all__ = [
     "ground",
     "measure_distances_m",
     "parse_mesh",
+    "parse_objects",
     "read_arm",
     "read_mesh",
 ]

@@ -10,6 +10,7 @@ import struct
 import warnings
 import zipfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -255,26 +256,104 @@ def parse_mesh(content: bytes, suffix: str) -> tuple[Floats, Indices]:
     """Return corners and triangles as stored in the file; STEP, 3MF and GLB in metres."""
     if suffix in (".step", ".stp"):
         return _parse_step(content)
+    if suffix in (".3mf", ".glb"):
+        objects = parse_objects(content, suffix)
+        starts = np.cumsum([0, *(len(item.corners) for item in objects)])
+        corners = [np.zeros((0, 3)), *(item.corners for item in objects)]
+        faces = [item.faces + start for item, start in zip(objects, starts[:-1], strict=True)]
+        return np.concatenate(corners), np.concatenate([np.zeros((0, 3), np.int64), *faces])
+    with _refuse_unread(suffix):
+        mesh = _load_scene(content, suffix).to_mesh()
+        return _check_table(mesh.vertices, mesh.faces)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshObject:
+    """An object of a 3MF or GLB file, at its place.
+
+    Parameters
+    ----------
+    name
+        Name in the file; may repeat or be empty.
+    path
+        Names of the objects or nodes above it.
+    corners, faces
+        Mesh as stored in the file [m].
+    """
+
+    name: str
+    path: tuple[str, ...]
+    corners: Floats
+    faces: Indices
+
+
+def parse_objects(content: bytes, suffix: str) -> list[MeshObject]:
+    """Return the objects of a 3MF or GLB file; those of several materials are one object.
+
+    Raises
+    ------
+    MeshFileError
+        If the file is unreadable or too large.
+    """
     if suffix == ".3mf":
         return _parse_3mf(content)
-    unread = f"It cannot be read as {suffix[1:].upper()}; save it again."
+    with _refuse_unread(suffix):
+        scene = _load_scene(content, suffix)
+        return [
+            _place_object(scene, node)
+            for node in scene.graph.nodes_geometry
+            if isinstance(scene.geometry[scene.graph[node][1]], trimesh.Trimesh)
+        ]
+
+
+def _place_object(scene: Any, node: Any) -> MeshObject:
+    pose, geometry = scene.graph[node]
+    mesh = scene.geometry[geometry]
+    parents, path = scene.graph.transforms.parents, list[str]()
+    above = parents.get(node)
+    while above not in (None, scene.graph.base_frame) and len(path) <= len(parents):
+        path.insert(0, str(above))
+        above = parents.get(above)
+    corners, faces = _check_table(mesh.vertices, mesh.faces)
+    if np.linalg.det(pose[:3, :3]) < 0:
+        faces = faces[:, ::-1]
+    # Nodes without a name are numbered.
+    name = str(geometry) if str(node).isdigit() else str(node)
+    return MeshObject(name, tuple(path), corners @ pose[:3, :3].T + pose[:3, 3], faces)
+
+
+def _load_scene(content: bytes, suffix: str) -> Any:
+    """Return a file as a scene of trimesh; raises the exceptions of its parsers."""
+    if suffix == ".glb":
+        _check_glb(content)
+    options = {"merge_primitives": True} if suffix == ".glb" else {}
+    with warnings.catch_warnings(action="ignore"):
+        return trimesh.load_scene(
+            io.BytesIO(content),
+            file_type=suffix[1:],
+            skip_materials=True,
+            process=False,
+            **options,
+        )
+
+
+@contextmanager
+def _refuse_unread(suffix: str) -> Iterator[None]:
+    """Turn the exceptions of parsers, with messages for programmers, into refusals."""
     try:
-        if suffix == ".glb":
-            _check_glb(content)
-        with warnings.catch_warnings(action="ignore"):
-            mesh = trimesh.load_scene(
-                io.BytesIO(content), file_type=suffix[1:], skip_materials=True, process=False
-            ).to_mesh()
-            corners = np.asarray(mesh.vertices, dtype=np.float64)
-            faces = np.asarray(mesh.faces, dtype=np.int64)
+        yield
     except MeshFileError:
         raise
     except Exception:
-        # trimesh raises the exceptions of its parsers, with messages for programmers.
-        raise MeshFileError(unread) from None
+        raise MeshFileError(f"It cannot be read as {suffix[1:].upper()}; save it again.") from None
+
+
+def _check_table(corners: Any, faces: Any) -> tuple[Floats, Indices]:
+    """Return corners and faces as arrays; raises ValueError if a corner is missing."""
+    corners, faces = np.asarray(corners, dtype=np.float64), np.asarray(faces, dtype=np.int64)
     is_table = corners.ndim == 2 and corners.shape[1:] == (3,)
     if not is_table or (len(faces) and not 0 <= faces.min() <= faces.max() < len(corners)):
-        raise MeshFileError(unread)
+        raise ValueError("a face has a corner that is missing")
     return corners, faces.reshape(-1, 3)
 
 
@@ -363,50 +442,77 @@ _UNITS_3MF_M = {
     "meter": 1.0,
 }
 _MOST_PARTS_3MF = 1_000
+# Name of the first model by convention.
+_MODEL_3MF = "3D/3dmodel.model"
 
 
-def _parse_3mf(content: bytes) -> tuple[Floats, Indices]:
-    """Return the surfaces of all objects that a 3MF builds, at their places [m]."""
+def _parse_3mf(content: bytes) -> list[MeshObject]:
+    """Return all objects that a 3MF builds, at their places."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            name = next(item for item in archive.namelist() if item.lower().endswith(".model"))
-            with archive.open(name) as stream:
-                text = stream.read(_MOST_MODEL_BYTES + 1)
-        if len(text) > _MOST_MODEL_BYTES:
-            raise MeshFileError("Its model is too large once unpacked; simplify it.")
-        model = parse_xml(text, "simplify it")
-        unit_m = _UNITS_3MF_M[model.attributes.get("unit", "millimeter")]
+            models = _read_models(archive)
+        root = next(name for name in (_MODEL_3MF, *models) if name in models)
+        unit_m = _UNITS_3MF_M[models[root].attributes.get("unit", "millimeter")]
         objects = {
-            item.attributes["id"]: item
+            (name, item.attributes["id"]): item
+            for name, model in models.items()
             for resources in _iterate_children(model, "resources")
             for item in _iterate_children(resources, "object")
         }
-        corners: list[Floats] = [np.zeros((0, 3))]
-        faces: list[Indices] = [np.zeros((0, 3), dtype=np.int64)]
-        todo = [
-            (item.attributes["objectid"], _read_transform(item))
-            for build in _iterate_children(model, "build")
+        found: list[MeshObject] = []
+        todo: list[tuple[tuple[str, str], tuple[str, ...], Floats]] = [
+            (_find_3mf_key(item, root), (), _read_transform(item))
+            for build in _iterate_children(models[root], "build")
             for item in _iterate_children(build, "item")
         ]
-        count = placed = 0
+        placed = 0
         while todo:
-            number, pose = todo.pop(0)
+            key, path, pose = todo.pop(0)
             placed += 1
             if placed > _MOST_PARTS_3MF:
                 raise MeshFileError("It builds too many objects; keep the part alone.")
-            for mesh in _iterate_children(objects[number], "mesh"):
+            item = objects[key]
+            name = item.attributes.get("name", "")
+            for mesh in _iterate_children(item, "mesh"):
                 own, triangles = _read_3mf_mesh(mesh)
-                corners.append(own @ pose[:3] + pose[3])
-                faces.append(triangles + count)
-                count += len(own)
-            for components in _iterate_children(objects[number], "components"):
+                corners = (own @ pose[:3] + pose[3]) * unit_m
+                mirrored = np.linalg.det(pose[:3]) < 0
+                faces = triangles[:, ::-1] if mirrored else triangles
+                found.append(MeshObject(name, path, corners, faces))
+            below = (*path, name)
+            for components in _iterate_children(item, "components"):
                 for component in _iterate_children(components, "component"):
-                    below = _read_transform(component)
-                    joined = np.vstack([below[:3] @ pose[:3], below[3] @ pose[:3] + pose[3]])
-                    todo.append((component.attributes["objectid"], joined))
+                    own_pose = _read_transform(component)
+                    joined = np.vstack([own_pose[:3] @ pose[:3], own_pose[3] @ pose[:3] + pose[3]])
+                    todo.append((_find_3mf_key(component, key[0]), below, joined))
     except (KeyError, ValueError, StopIteration, zipfile.BadZipFile, XmlError, OSError):
         raise MeshFileError("It cannot be read as 3MF; save it again.") from None
-    return np.concatenate(corners) * unit_m, np.concatenate(faces)
+    return found
+
+
+def _read_models(archive: zipfile.ZipFile) -> dict[str, Element]:
+    """Return the models of a 3MF by name; printers' programs keep objects in models of their own.
+
+    Source: 3MF Production Extension 1.1.2, section 2.2.
+    """
+    models = {}
+    left = _MOST_MODEL_BYTES
+    for name in archive.namelist():
+        if not name.lower().endswith(".model"):
+            continue
+        with archive.open(name) as stream:
+            text = stream.read(left + 1)
+        left -= len(text)
+        if left < 0:
+            raise MeshFileError("Its model is too large once unpacked; simplify it.")
+        models[name] = parse_xml(text, "simplify it")
+    return models
+
+
+def _find_3mf_key(element: Element, model: str) -> tuple[str, str]:
+    """Return the model and number of the object that an item or component refers to."""
+    paths = (value for key, value in element.attributes.items() if key.rpartition(":")[2] == "path")
+    return next(paths, model).removeprefix("/"), element.attributes["objectid"]
 
 
 def _iterate_children(element: Element, tag: str) -> Iterator[Element]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -34,7 +35,7 @@ from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.reading.mesh_folder import MOST_BYTES as MESH_BYTES
 from skillplan_cad.reading.mesh_folder import list_mesh_files
 from skillplan_cad.reading.product_reader import read_product
-from skillplan_cad.reading.step_file import hash_step
+from skillplan_cad.reading.step_file import hash_step, is_step
 from skillplan_cad.relation import Blocking, Contact, Fastener, Fit, Relation, Sensitive
 
 # Distances beyond the first contact at which blocked pairs are tested, in insets; number of places
@@ -454,17 +455,17 @@ def _refuse_fine(path: Path, product: Product, tolerance_m: float) -> None:
 def _hash_content(path: Path) -> str:
     """Return a hash of a file and its references, or of the meshes of a folder with their names.
 
-    An unreadable file has an empty hash; reading it later reports the error.
+    Of an unreadable file the reason is hashed; reading it later reports that.
     """
-    if not is_folder(path):
+    if is_step(path) and not is_folder(path):
         return hash_step(path)
     digest = hashlib.sha256()
-    for file in list_mesh_files(path):
+    for file in list_mesh_files(path) if is_folder(path) else [path]:
         try:
             content = read_bytes(file, MESH_BYTES)
-        except OSError:
-            return ""
-        digest.update(file.name.encode() + b"\0" + hashlib.sha256(content).digest())
+        except OSError as error:
+            content = str(error.strerror).encode()
+        digest.update(os.fsencode(file.name) + b"\0" + hashlib.sha256(content).digest())
     return digest.hexdigest()
 
 

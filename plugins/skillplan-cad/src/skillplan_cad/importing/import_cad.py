@@ -28,6 +28,7 @@ from skillplan_cad.importing.summary import (
     measure_gaps,
 )
 from skillplan_cad.product import Product, Vector
+from skillplan_cad.reading.names import decode_file_name
 from skillplan_cad.relation import Relation
 from skillplan_cad.relation_file import build_relation_document, format_relation
 
@@ -174,7 +175,7 @@ def import_cad(
     relation = plan.relation
     waived = list_waived_pairs(findings.joints, findings.blocked, settings.threads)
     gaps = measure_gaps(product, relation)
-    document = build_report(findings, waived, settings, path.name, gaps)
+    document = build_report(findings, waived, settings, decode_file_name(path), gaps)
     document |= plan.document
     document["summary"] = build_summary(document)
     files: dict[str, str | bytes] = {

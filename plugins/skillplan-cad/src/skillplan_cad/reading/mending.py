@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from skillplan_cad.product import Face, Points, Triangles
-from skillplan_cad.reading.raw_part import Measure, Mended, RawPart, compute_area_vectors_m2
+from skillplan_cad.reading.raw_part import (
+    Measure,
+    Mended,
+    RawPart,
+    compute_area_vectors_m2,
+    cross,
+)
 
 # Distances below which vertices are merged, in part sizes; coordinates have single precision.
 _SAME, _NEARLY_SAME = 1e-7, 2e-6
@@ -120,6 +123,8 @@ def merge_equal_vertices(part: RawPart) -> tuple[RawPart, bool]:
 
 def join(name: str, bodies: list[Mended]) -> Mended:
     """Return several closed or open bodies as one part, none merged with another."""
+    if len(bodies) == 1:
+        return replace(bodies[0], part=replace(bodies[0].part, name=name))
     points, triangles, labels, faces = [], [], [], []
     measures: list[Measure] = []
     corner = triangle = label = 0
@@ -157,7 +162,7 @@ def compute_volumes_m3(vertices_m: Points, triangles: Triangles) -> NDArray[np.f
     """Return the signed volume between each triangle and the centre of the mesh."""
     middle = vertices_m.mean(axis=0)
     a, b, c = (vertices_m[triangles[:, corner]] - middle for corner in range(3))
-    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
+    return np.asarray(np.einsum("ij,ij->i", a, cross(b, c)) / 6)
 
 
 def compute_centre_m(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
@@ -248,7 +253,7 @@ def _merge_vertices(part: RawPart, share: float) -> RawPart:
     first, which = _find_distinct_rows(cells)
     points = vertices[first]
     # Close vertices may lie in neighbouring cells.
-    pairs = cKDTree(points).query_pairs(size * share, output_type="ndarray")
+    pairs = _build_tree(points).query_pairs(size * share, output_type="ndarray")
     return _merge_pairs(replace(part, vertices_m=points, triangles=which[part.triangles]), pairs)
 
 
@@ -267,9 +272,8 @@ def _find_distinct_rows(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDA
 def _merge_pairs(part: RawPart, pairs: NDArray[np.int64]) -> RawPart:
     """Return a part with pairs of vertices merged, without triangles that vanish."""
     points = part.vertices_m
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
-    count, label = connected_components(graph, directed=False)
-    kept = np.full(count, len(points))
+    label = _label_components(pairs, len(points))
+    kept = np.full(int(label.max()) + 1, len(points))
     np.minimum.at(kept, label, np.arange(len(points)))
     return _drop_collapsed(replace(part, vertices_m=points[kept], triangles=label[part.triangles]))
 
@@ -278,7 +282,8 @@ def _drop_collapsed(part: RawPart) -> RawPart:
     """Return a part without triangles that have a corner twice, and without unused vertices."""
     a, b, c = part.triangles.T
     whole = (a != b) & (b != c) & (c != a)
-    if whole.all() and len(np.unique(part.triangles)) == len(part.vertices_m):
+    used = np.bincount(part.triangles.ravel(), minlength=len(part.vertices_m))
+    if whole.all() and used.all():
         return part
     return _select_triangles(part, whole, part.triangles)
 
@@ -304,12 +309,15 @@ def _find_open_edges(triangles: Triangles) -> NDArray[np.int64]:
     """Return the edges, as vertex pairs, that triangles do not pass equally often each way."""
     if not len(triangles):
         return np.zeros((0, 2), dtype=np.int64)
-    edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    forward = edges[:, 0] < edges[:, 1]
-    ordered = np.sort(edges, axis=1)
-    first, which = _find_distinct_rows(ordered)
-    balance = np.bincount(which, np.where(forward, 1, -1), len(first))
-    return np.asarray(ordered[first[balance != 0]], dtype=np.int64)
+    start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    keys = np.minimum(start, end) * (int(triangles.max()) + 1) + np.maximum(start, end)
+    forward = start < end
+    ways = np.sort(keys[forward]), np.sort(keys[~forward])
+    if np.array_equal(*ways):
+        return np.zeros((0, 2), dtype=np.int64)
+    distinct, which = np.unique(keys, return_inverse=True)
+    balance = np.bincount(which, np.where(forward, 1, -1), len(distinct))
+    return np.stack(np.divmod(distinct[balance != 0], int(triangles.max()) + 1), axis=1)
 
 
 def _find_rims(triangles: Triangles) -> NDArray[np.int64]:
@@ -367,7 +375,7 @@ def _find_splits(
     """Return for each open edge the corner nearest to its middle, and the largest distance."""
     loose = np.unique(rims)
     points = part.vertices_m[loose]
-    tree = cKDTree(points)
+    tree = _build_tree(points)
     splits: dict[tuple[int, int], int] = {}
     farthest_m = 0.0
     for a, b in rims:
@@ -438,7 +446,7 @@ def _weld(part: RawPart, weld_m: float, repairs: _Repairs) -> RawPart:
     edges = np.sort(part.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     linked = {(int(a), int(b)) for a, b in edges}
     group = {int(corner): {int(corner)} for corner in loose}
-    close = cKDTree(points).query_pairs(weld_m, output_type="ndarray")
+    close = _build_tree(points).query_pairs(weld_m, output_type="ndarray")
     gaps = np.linalg.norm(points[close[:, 0]] - points[close[:, 1]], axis=1)
     pairs = []
     for number in np.argsort(gaps, kind="stable"):
@@ -585,9 +593,22 @@ def _label_shells(vertices_m: Points, triangles: Triangles) -> NDArray[np.int64]
         around = order[start : start + size]
         pairs.append(_pair_around_edge(vertices_m, triangles, edges[around], owner[around]))
     joined = np.concatenate(pairs)
-    graph = coo_matrix(
-        (np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(len(triangles),) * 2
-    )
+    return _label_components(joined, len(triangles))
+
+
+def _build_tree(points: Points) -> Any:
+    # Closed solids need none of scipy, which takes longer to load than most products to mesh.
+    from scipy.spatial import cKDTree
+
+    return cKDTree(points)
+
+
+def _label_components(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return the component of each of some nodes that pairs connect."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 

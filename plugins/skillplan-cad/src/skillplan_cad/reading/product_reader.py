@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -24,8 +26,8 @@ from skillplan_cad.reading.mending import (
     split,
     thicken,
 )
+from skillplan_cad.reading.mesh_folder import SCENES, UNITS_M, read_folder, read_scene
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
-from skillplan_cad.reading.mesh_folder import UNITS_M, is_utf8, read_folder
 from skillplan_cad.reading.raw_part import (
     Measure,
     Mended,
@@ -40,12 +42,10 @@ from skillplan_cad.reading.surface_fit import fit_faces, recognise_face
 # Largest number of corner pairs to try.
 _TRIED = 400
 _SAMPLES = 400
-# Meshes that a task reads as parts, and that no product consists of.
-_TASK_MESHES = (".glb", ".3mf")
 
 
 def find_shapes(
-    parts: Sequence[RawPart], chord_m: float
+    parts: Sequence[RawPart], chord_m: float, report: Report = lambda text: None
 ) -> tuple[NDArray[np.int64], dict[int, int]]:
     """Return the shape number of each part, and the originals of mirrored shapes.
 
@@ -53,12 +53,15 @@ def find_shapes(
     ----------
     chord_m
         Largest distance between meshes of the same shape, in chords [m].
+    report
+        Called with progress.
     """
-    figures = [_Figure(part, chord_m) for part in parts]
     shape = np.zeros(len(parts), dtype=np.int64)
     originals: list[_Figure] = []
     mirrors: dict[int, int] = {}
-    for number, figure in enumerate(figures):
+    for number, part in enumerate(parts):
+        report(f"comparing shapes, {number + 1} of {len(parts)} parts")
+        figure = _Figure(part, chord_m)
         match = None
         for known, other in enumerate(originals):
             if not figure.may_equal(other):
@@ -82,6 +85,7 @@ class _Figure:
 
     def __init__(self, part: RawPart, chord_m: float) -> None:
         vertices, triangles = part.vertices_m, part.triangles
+        self.triangles = triangles
         self.volume = float(compute_volumes_m3(vertices, triangles).sum())
         self.area = float(
             np.linalg.norm(compute_area_vectors_m2(vertices, triangles), axis=1).sum()
@@ -90,10 +94,13 @@ class _Figure:
         self.radii = np.linalg.norm(self.points, axis=1)
         self.size = float(self.radii.max())
         self.tolerance = max(2 * chord_m, 1e-4 * self.size)
-        dense, spacing = _sample_surface(self.points, triangles, self.tolerance)
-        self.tree, self.reach = cKDTree(dense), max(3 * self.tolerance, spacing)
-        step = max(1, len(self.points) // _SAMPLES)
-        self.samples = self.points[::step]
+        self.samples = self.points[:: max(1, len(self.points) // _SAMPLES)]
+
+    @cached_property
+    def surface(self) -> tuple[Any, float]:
+        """Points spread over the surface as a tree, and the reach of a search among them [m]."""
+        dense, spacing = _sample_surface(self.points, self.triangles, self.tolerance)
+        return cKDTree(dense), max(3 * self.tolerance, spacing)
 
     def may_equal(self, other: _Figure) -> bool:
         """Return whether size, volume and area allow equality."""
@@ -106,6 +113,8 @@ class _Figure:
 
     def lies_over(self, other: _Figure, *, mirrored: bool) -> bool:
         """Return whether a motion, optionally with a mirror, maps this mesh onto another."""
+        if self._equals(other, mirrored):
+            return True
         for turn in self._iterate_turns(other, mirrored):
             if other.covers(self.samples @ turn.T) and self.covers(other.samples @ turn):
                 return True
@@ -113,8 +122,23 @@ class _Figure:
 
     def covers(self, points: Points) -> bool:
         """Return whether all points lie on the surface."""
-        distances, _ = self.tree.query(points, distance_upper_bound=self.reach)
+        tree, reach = self.surface
+        distances, _ = tree.query(points, distance_upper_bound=reach)
         return bool(np.isfinite(distances).all())
+
+    def _equals(self, other: _Figure, mirrored: bool) -> bool:
+        """Return whether the meshes have the same triangles, and corners after a motion.
+
+        That is so for instances of a design. Source: Kabsch, Acta Cryst. A32 (1976), 922.
+        """
+        same = [self.triangles, self.triangles[:, ::-1]]
+        if not any(np.array_equal(triangles, other.triangles) for triangles in same):
+            return False
+        left, _, right = np.linalg.svd(self.points.T @ other.points)
+        sign = np.linalg.det(left) * np.linalg.det(right)
+        turn = (left * (1, 1, -sign if mirrored else sign)) @ right
+        off = np.abs(self.points @ turn - other.points).max()
+        return bool(off <= self.tolerance)
 
     def _iterate_turns(self, other: _Figure, mirrored: bool) -> Iterator[NDArray[np.float64]]:
         first = int(np.argmax(self.radii))
@@ -176,6 +200,10 @@ STEEL_KG_M3 = 7850.0
 MOST_EXTENT_M = 10_000.0
 # The smallest tolerance does not resolve thinner parts.
 LEAST_THICKNESS_M = 1e-6
+# Largest number of triangles of all parts: 1.5 GB with what is derived from them.
+MOST_TRIANGLES = 3_000_000
+# Interval of reports of progress [s].
+_PATIENCE_S = 2.0
 # Largest number of parts in a message.
 _NAMED = 6
 # Largest thickness of a surface without a stated one [m].
@@ -230,11 +258,13 @@ def read_product(path: Path, options: ReadOptions, report: Report | None = None)
     OptionError
         If it is unreadable, or fewer than two parts are left.
     """
+    report = _report_seldom(report or (lambda text: None))
     raw = _read_raw(path, options, report)
-    _refuse_far(path, raw)
     notes, warnings = [*raw.notes], [*raw.warnings]
     parts, split_notes = _split_bodies(raw.parts, options)
     parts = _rename(parts)
+    parts, far = _leave_out_far(path, parts, raw.unit)
+    warnings += far
     parts, left_out = _select_parts(path, parts, options)
     repeated = sorted(_list_repeated(parts))
     parts, joined = _join_parts(path, parts, options)
@@ -245,13 +275,14 @@ def read_product(path: Path, options: ReadOptions, report: Report | None = None)
     parts, thin = _leave_out_thin(parts)
     warnings += thin
     _refuse_single(path, parts, warnings)
-    shapes, mirrors = find_shapes([mesh.part for mesh in parts], raw.chord_m)
+    _refuse_many_triangles(path, parts)
+    _refuse_own_frames(path, parts)
+    shapes, mirrors = find_shapes([mesh.part for mesh in parts], raw.chord_m, report)
     twice = _find_doubles(parts, shapes, raw.chord_m)
     warnings += twice.values()
     kept = [number for number in range(len(parts)) if number not in twice]
     parts, shapes = [parts[number] for number in kept], shapes[kept]
     _refuse_single(path, parts, warnings)
-    _refuse_own_frames(path, parts)
     if raw.chord_m == 0:
         warnings += _question_unit(parts, raw.unit)
     notes.append(
@@ -261,12 +292,13 @@ def read_product(path: Path, options: ReadOptions, report: Report | None = None)
     if repeated:
         shown = ", ".join(repeated[:_NAMED]) + (" and others" if len(repeated) > _NAMED else "")
         notes.append(f"names that repeat are numbered: {shown}")
+    built = []
+    for number, (mesh, shape) in enumerate(zip(parts, shapes, strict=True), 1):
+        report(f"faces of {number} of {len(parts)} parts")
+        built.append(_build_part(mesh, int(shape), mirrors.get(int(shape)), options))
     return Product(
         raw.name,
-        tuple(
-            _build_part(mesh, int(shape), mirrors.get(int(shape)), options)
-            for mesh, shape in zip(parts, shapes, strict=True)
-        ),
+        tuple(built),
         raw.unit,
         raw.chord_m,
         tuple(dict.fromkeys(notes)),
@@ -544,16 +576,14 @@ def _show_length(length_m: float) -> str:
     return f"{length_m:.3g} m" if length_m >= 1 else f"{length_m * 1000:.3g} mm"
 
 
-def _read_raw(path: Path, options: ReadOptions, report: Report | None) -> RawProduct:
-    if not is_utf8(path.resolve().name):
-        raise OptionError(f"{path}: its name is not UTF-8, and the product takes its name from it.")
+def _read_raw(path: Path, options: ReadOptions, report: Report) -> RawProduct:
     if is_folder(path):
         return read_folder(
             path,
             options.unit,
             options.chord_m,
             lambda name: not any(fits_pattern(name, pattern) for pattern in options.leave_out),
-            report or (lambda text: None),
+            report,
         )
     if not is_regular(path):
         raise OptionError(f"{path}: there is no such file or folder.")
@@ -561,40 +591,76 @@ def _read_raw(path: Path, options: ReadOptions, report: Report | None) -> RawPro
         if options.unit is not None:
             raise OptionError(f"--unit {options.unit}: STEP states its unit itself; leave it out.")
         return read_step(path, options.chord_m, report)
+    if path.suffix.lower() in SCENES:
+        return read_scene(path, options.unit, options.chord_m, report)
     if path.suffix.lower() in MESHES:
         raise OptionError(
             f"{path}: is one mesh. Give the folder of all parts, one file a part, and --unit."
         )
-    if path.suffix.lower() in _TASK_MESHES:
-        raise OptionError(
-            f"{path}: is a mesh that a task reads as a part (meshes: [{{file: {path.name}}}]), and "
-            f"no product. Give STEP ({', '.join(STEP)}), or a folder of meshes "
-            f"({', '.join(MESHES)}), one file a part, and --unit."
-        )
     raise OptionError(
-        f"{path}: is neither STEP ({', '.join(STEP)}) nor a folder of meshes ({', '.join(MESHES)})."
+        f"{path}: is neither STEP ({', '.join(STEP)}), nor {' or '.join(SCENES)}, nor a folder of "
+        f"meshes ({', '.join(MESHES)})."
     )
 
 
-def _refuse_far(path: Path, raw: RawProduct) -> None:
-    """Refuse a product that is too long to resolve its parts."""
-    filled = [mesh.part for mesh in raw.parts if len(mesh.part.vertices_m)]
+def _leave_out_far(path: Path, meshes: list[Mended], unit: str) -> tuple[list[Mended], list[str]]:
+    """Return the parts of a product short enough to resolve them, and warnings about the others.
+
+    Raises
+    ------
+    OptionError
+        If less than half of the parts would be left.
+    """
+    warnings: list[str] = []
+    filled = [mesh.part for mesh in meshes if len(mesh.part.vertices_m)]
     if not filled:
-        return
-    low = np.min([part.vertices_m.min(axis=0) for part in filled], axis=0)
-    high = np.max([part.vertices_m.max(axis=0) for part in filled], axis=0)
-    with np.errstate(over="ignore"):
-        extent_m = float((high - low).max())
-    if extent_m <= MOST_EXTENT_M:
-        return
+        return meshes, warnings
     middle = np.median([part.vertices_m[0] for part in filled], axis=0)
-    with np.errstate(over="ignore"):
-        reach = [float(np.abs(part.vertices_m - middle).max()) for part in filled]
-    farthest = filled[int(np.argmax(reach))]
+    left = list(meshes)
+    while True:
+        low = np.min([mesh.part.vertices_m.min(axis=0) for mesh in left], axis=0)
+        high = np.max([mesh.part.vertices_m.max(axis=0) for mesh in left], axis=0)
+        with np.errstate(over="ignore"):
+            extent_m = float((high - low).max())
+            reach = [float(np.abs(mesh.part.vertices_m - middle).max()) for mesh in left]
+        if extent_m <= MOST_EXTENT_M:
+            return left, warnings
+        farthest = left.pop(int(np.argmax(reach))).part
+        if 2 * len(left) < len(meshes) or len(left) < 2:
+            raise OptionError(
+                f"{path}: is {extent_m:.3g} m long, where {MOST_EXTENT_M:,.0f} m are the most; "
+                f"{farthest.label} reaches farthest. Correct that part, or its unit ({unit})."
+            )
+        warnings.append(
+            f"{farthest.label} is left out: with it the product is {extent_m:.3g} m long, where "
+            f"{MOST_EXTENT_M:,.0f} m are the most. Correct it, or its unit ({unit})."
+        )
+
+
+def _refuse_many_triangles(path: Path, meshes: Sequence[Mended]) -> None:
+    """Refuse a product whose meshes take too much memory."""
+    counts = [len(mesh.part.triangles) for mesh in meshes]
+    if sum(counts) <= MOST_TRIANGLES:
+        return
+    largest = meshes[int(np.argmax(counts))].part
     raise OptionError(
-        f"{path}: is {extent_m:.3g} m long, where {MOST_EXTENT_M:,.0f} m are the most; "
-        f"{_join_name(farthest)} reaches farthest. Correct that part, or its unit ({raw.unit})."
+        f"{path}: its parts have {sum(counts):,} triangles, where {MOST_TRIANGLES:,} are the most; "
+        f"{largest.label} has {max(counts):,}. Give a larger --chord for STEP, save meshes with "
+        "fewer triangles, or --leave-out parts."
     )
+
+
+def _report_seldom(report: Report) -> Report:
+    """Return a function that reports progress every two seconds."""
+    last = time.monotonic()
+
+    def tell(text: str) -> None:
+        nonlocal last
+        if time.monotonic() - last > _PATIENCE_S:
+            last = time.monotonic()
+            report(text)
+
+    return tell
 
 
 def _refuse_single(path: Path, meshes: Sequence[Mended], warnings: Sequence[str]) -> None:
@@ -629,9 +695,9 @@ def _build_part(mesh: Mended, shape: int, mirrors: int | None, options: ReadOpti
         volume_m3 = float(compute_volumes_m3(part.vertices_m, part.triangles).sum())
         centre = compute_centre_m(part.vertices_m, part.triangles)
     closure: Closure = "closed"
-    if mesh.open_edges:
+    if mesh.open_edges and options.thickness_m is None:
         closure = "surface"
-    elif mesh.gap_m:
+    elif mesh.open_edges or mesh.gap_m:
         closure = "mended"
     return Part(
         name=part.label,

@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
@@ -28,6 +29,7 @@ from skillplan.workers.local_processes import LocalProcesses
 from skillplan.workers.processes import measure_resident_bytes_of
 from skillplan_cad.product import Points, Triangles, Vector
 from skillplan_cad.reading.mending import join
+from skillplan_cad.reading.names import decode_file_name, decode_text
 from skillplan_cad.reading.raw_part import Mended, RawProduct
 
 if TYPE_CHECKING:
@@ -42,6 +44,8 @@ _LEAST_S, _S_A_MEGABYTE = 120.0, 6.0
 _FORMAT = 1
 # Interval of reports of progress [s].
 _PATIENCE_S = 2.0
+# Largest number of shapes that may crash OCCT or exceed its limits; each starts it again.
+_MOST_STOPS = 8
 Report = Callable[[str], None]
 
 
@@ -61,6 +65,14 @@ class Limits:
     memory_bytes: int = 8 * _GIB
 
 
+class ReadingStopped(OptionError):
+    """The process died or was killed; `shape` is the number of the shape at work, or None."""
+
+    def __init__(self, message: str, shape: int | None, reason: str) -> None:
+        super().__init__(message)
+        self.shape, self.reason = shape, reason
+
+
 def read_in_process(
     path: Path, prepare: Prepare, content: Any, limits: Limits, report: Report | None = None
 ) -> Any:
@@ -75,60 +87,75 @@ def read_in_process(
     limits
         Limits after which the process is killed.
     report
-        Called with the news of the process.
+        Called with the news of the process; numbers among them are those of shapes it begins with.
 
     Raises
     ------
-    OptionError
+    ReadingStopped
         If the process dies without an answer, or exceeds a limit.
     """
+    shape: int | None = None
     with closing(LocalProcesses(1)) as executor:
         if executor.refusal:
             return prepare(content)(None)
         worker = executor.start(prepare, pack_content(content, _WHAT), _WHAT)
         worker.take(None)
-        until = time.monotonic() + limits.seconds
+        begun = since = time.monotonic()
         while True:
             if executor.first_ready([worker]):
                 answer = worker.answer()
                 if isinstance(answer, Answer):
                     return answer.content
                 if isinstance(answer, Ended):
-                    raise _describe_crash(path, worker, answer)
-                if isinstance(answer, News) and report is not None:
+                    raise _describe_crash(path, worker, answer, shape)
+                if isinstance(answer, News) and isinstance(answer.content, int):
+                    shape, since = answer.content, time.monotonic()
+                elif isinstance(answer, News) and report is not None:
                     report(str(answer.content))
-            if time.monotonic() > until:
-                raise OptionError(
+            now = time.monotonic()
+            if now - begun > limits.seconds:
+                # Only a shape that took most of the time is to blame.
+                slow = shape if now - since > limits.seconds / 2 else None
+                raise ReadingStopped(
                     f"{path}: OCCT was still reading after {limits.seconds:.0f} s and was ended. "
-                    f"{_REMEDY}, or sub-assemblies one by one."
+                    f"{_REMEDY}, or sub-assemblies one by one.",
+                    slow,
+                    f"takes OCCT more than {now - since:.0f} s",
                 )
             if (measure_resident_bytes_of(worker.number) or 0) > limits.memory_bytes:
-                raise OptionError(
-                    f"{path}: OCCT took more than {limits.memory_bytes / _GIB:.3g} GiB of memory "
-                    f"and was ended. {_REMEDY}, or sub-assemblies one by one."
+                limit = f"more than {limits.memory_bytes / _GIB:.3g} GiB of memory"
+                raise ReadingStopped(
+                    f"{path}: OCCT took {limit} and was ended. {_REMEDY}, or sub-assemblies one "
+                    "by one.",
+                    shape,
+                    f"takes OCCT {limit}",
                 )
 
 
-def _describe_crash(path: Path, worker: Worker, ended: Ended) -> Exception:
+def _describe_crash(path: Path, worker: Worker, ended: Ended, shape: int | None) -> Exception:
     if not ended.started and not ended.killed:
         return worker.not_started()
-    return OptionError(
-        f"{path}: OCCT crashed on it ({ended.how}), so it is damaged or beyond OCCT. {_REMEDY}."
+    return ReadingStopped(
+        f"{path}: OCCT crashed on it ({ended.how}), so it is damaged or beyond OCCT. {_REMEDY}.",
+        shape,
+        f"crashes OCCT ({ended.how})",
     )
 
 
-def prepare(content: tuple[str, float, list[str]]) -> Callable[[None], StepContent | None]:
+def prepare(
+    content: tuple[str, float, list[str], dict[int, str]],
+) -> Callable[[None], StepContent | None]:
     """Return the job of the process; its result is None if OCCT refuses the file.
 
     Parameters
     ----------
     content
-        Path of the file, greatest distance of triangles from curved faces [m], and names of the
-        files that it may refer to.
+        Path of the file, greatest distance of triangles from curved faces [m], names of the files
+        that it may refer to, and shapes that are left out with the reason.
     """
     from skillplan_cad.reading.occt_reader import read_document
 
-    path, chord_m, allowed = content
+    path, chord_m, allowed, left_out = content
     last = time.monotonic()
 
     def report(text: str) -> None:
@@ -139,7 +166,7 @@ def prepare(content: tuple[str, float, list[str]]) -> Callable[[None], StepConte
 
     def read(_: None) -> StepContent | None:
         try:
-            return read_document(Path(path), chord_m, allowed, report)
+            return read_document(Path(path), chord_m, allowed, report, left_out, send_news)
         except (RuntimeError, ValueError, MemoryError):
             return None
 
@@ -159,6 +186,8 @@ _NOT_FINITE = re.compile(
     rb"(?:30[89]|3[1-9][0-9]|[4-9][0-9]{2}|[0-9]{4,}))\s*(?=[,)])",
     re.IGNORECASE,
 )
+# Largest share of entities that may be missing.
+_MOST_LOST = 0.01
 _POINT = re.compile(rb"#(\d+)\s*=\s*CARTESIAN_POINT\s*\(\s*'[^']*'\s*,\s*\(([^()]{0,200})\)")
 # Names of files that a file refers to; stand-in for one that is not read.
 _FILE_NAME = re.compile(rb"'((?:[^']|''){1,1000}\.(?:step|stp|p21))'", re.IGNORECASE)
@@ -190,22 +219,32 @@ def read_step(path: Path, chord_m: float, report: Report | None = None) -> RawPr
     OptionError
         If the file is unreadable, no STEP, cut off, without solids, or crashes OCCT.
     """
-    content = _read_content(path)
+    content, notes = _read_content(path)
     unit = _find_unit(path, content)
-    files, notes = _gather_references(path, content)
+    files, missing = _gather_references(path, content)
     whole = _read_files(path, files, chord_m, report)
     parts, more = _place_instances(whole)
+    parts, infinite = _leave_out_infinite(parts, content)
     if not parts:
-        reasons = "; ".join([*notes, *more])
+        reasons = "; ".join([*missing, *more, *infinite])
         raise OptionError(
             f"{path}: holds no solids or surfaces, as a drawing or mere curves do. Save the solids."
             + (f" {reasons[0].upper()}{reasons[1:]}." if reasons else "")
         )
-    for mended in parts:
-        if not np.isfinite(mended.part.vertices_m).all():
-            raise OptionError(f"{path}: {NOT_FINITE}{_describe_remedy(NOT_FINITE, content)}.")
-    name = whole.name or path.name.partition(".")[0]
-    return RawProduct(name, tuple(parts), unit, chord_m, whole.notes, (*notes, *more))
+    name = whole.name or decode_file_name(path).partition(".")[0]
+    warnings = (*notes, *missing, *more, *infinite)
+    return RawProduct(name, tuple(parts), unit, chord_m, whole.notes, warnings)
+
+
+def _leave_out_infinite(parts: list[Mended], content: bytes) -> tuple[list[Mended], list[str]]:
+    """Return the parts with finite coordinates, and notes on the others."""
+    kept = [mended for mended in parts if np.isfinite(mended.part.vertices_m).all()]
+    remedy = _describe_remedy(NOT_FINITE, content) if len(kept) < len(parts) else ""
+    return kept, [
+        f"{mended.part.name}: {NOT_FINITE}, and is left out{remedy}"
+        for mended in parts
+        if not any(mended is other for other in kept)
+    ]
 
 
 # Chords at which a part of a task is meshed [m]; largest number of its corners.
@@ -258,7 +297,7 @@ def mesh_step(content: bytes) -> tuple[Points, Triangles]:
 def hash_step(path: Path) -> str:
     """Return a hash of a file and of those that it refers to; empty if it is refused."""
     try:
-        files, notes = _gather_references(path, _read_content(path))
+        files, notes = _gather_references(path, _read_content(path)[0])
     except OptionError:
         return ""
     digest = hashlib.sha256("\0".join(notes).encode())
@@ -277,8 +316,18 @@ def _read_files(
     with TemporaryDirectory(prefix="skillplan-") as folder:
         for name, own in files.items():
             (Path(folder) / name).write_bytes(own)
-        job = (str(Path(folder) / next(iter(files))), chord_m, [*list(files)[1:], _NOWHERE])
-        whole = read_in_process(path, prepare, job, limits, report)
+        main, allowed = str(Path(folder) / next(iter(files))), [*list(files)[1:], _NOWHERE]
+        left_out: dict[int, str] = {}
+        while True:
+            job = (main, chord_m, allowed, left_out)
+            try:
+                whole = read_in_process(path, prepare, job, limits, report)
+            except ReadingStopped as stopped:
+                if stopped.shape is None or len(left_out) == _MOST_STOPS:
+                    raise
+                left_out[stopped.shape] = stopped.reason
+                continue
+            break
     if whole is None:
         raise OptionError(f"{path}: OCCT cannot read it as STEP. {_REMEDY}.")
     if whole.refused:
@@ -406,7 +455,8 @@ def _vector(numbers: Any) -> Vector:
     return x, y, z
 
 
-def _read_content(path: Path) -> bytes:
+def _read_content(path: Path) -> tuple[bytes, list[str]]:
+    """Return the content of a file in UTF-8, and warnings."""
     try:
         content = read_bytes(path, MOST_BYTES)
         if content[:2] == b"\x1f\x8b":
@@ -420,12 +470,11 @@ def _read_content(path: Path) -> bytes:
         raise OptionError(f"{path}: cannot be read: {refused.strerror}{remedy}.") from None
     except OSError as error:
         raise OptionError(f"{path}: cannot be read: {error.strerror or error}.") from None
-    _check_content(path, content)
-    return content
+    return _check_content(path, content)
 
 
-def _check_content(path: Path, content: bytes) -> None:
-    """Refuse content that is no STEP, cut off, or that OCCT would misread."""
+def _check_content(path: Path, content: bytes) -> tuple[bytes, list[str]]:
+    """Return content in UTF-8, and warnings; refuse it if it is no STEP, or OCCT would misread it."""
     if content[:2] == b"PK":
         raise OptionError(f"{path}: is a ZIP archive despite its name. Unpack it first.")
     if not content.strip():
@@ -438,9 +487,21 @@ def _check_content(path: Path, content: bytes) -> None:
         raise OptionError(
             f"{path}: is cut off: {_ENDS.decode()!r} is missing at its end. Save or copy it anew."
         )
-    bare = _TEXT.sub(b"", content)
-    _refuse_references(path, bare)
+    warnings = []
+    if not content.isascii():
+        text, encoding = decode_text(content)
+        if encoding != "UTF-8":
+            content = text.encode()
+            warnings.append(f"names are read as {encoding}, as the file is not in UTF-8")
+    bare = _strip_texts(content)
+    warnings += _check_references(path, bare)
     _refuse_numbers(path, bare)
+    return content, warnings
+
+
+def _strip_texts(content: bytes) -> bytes:
+    """Return content without texts and comments."""
+    return _TEXT.sub(b"", content) if b"/*" in content else b"".join(content.split(b"'")[::2])
 
 
 def _refuse_numbers(path: Path, bare: bytes) -> None:
@@ -451,6 +512,12 @@ def _refuse_numbers(path: Path, bare: bytes) -> None:
     bare
         File content without texts and comments.
     """
+    upper = bare.upper()
+    text = np.frombuffer(upper, np.uint8)
+    after = text[1:][text[:-1] == ord("E")]
+    has_exponents = ((after == ord("+")) | (after - np.uint8(ord("0")) < 10)).any()
+    if not (b"NAN" in upper or b"INF" in upper or has_exponents):
+        return
     number = _NOT_FINITE.search(bare)
     if number is None:
         return
@@ -461,28 +528,54 @@ def _refuse_numbers(path: Path, bare: bytes) -> None:
     )
 
 
-def _refuse_references(path: Path, bare: bytes) -> None:
-    """Refuse references to missing entities, which OCCT drops silently, or to huge numbers."""
-    named = _find_numbers(rb"#([0-9]+)", bare)
-    largest = max(named, key=lambda digits: (len(digits), digits), default=b"0")
-    if len(largest) > 10 or int(largest) > _MOST_NUMBER:
-        digits = largest.decode()
+def _check_references(path: Path, bare: bytes) -> list[str]:
+    """Return a warning if a few entities are missing, which OCCT drops silently.
+
+    Raises
+    ------
+    OptionError
+        If more are missing, or an entity has a huge number.
+    """
+    numbers, defined = _find_numbers(bare)
+    if len(numbers) and numbers.max() > _MOST_NUMBER:
+        texts = (digits.lstrip(b"0") for digits in re.findall(rb"#([0-9]+)", bare))
+        digits = max(texts, key=lambda text: (len(text), text)).decode()
         raise OptionError(
             f"{path}: numbers an entity #{digits[:20]}{'...' if digits[20:] else ''}, of "
             f"{len(digits)} digits; OCCT reads up to #{_MOST_NUMBER}. {_ASSEMBLE}, numbered anew."
         )
-    lost = named - _find_numbers(rb"#([0-9]+)\s*=", bare)
-    if lost:
-        entities = "entity" if len(lost) == 1 else "entities"
+    entities = numbers[defined]
+    lost = np.unique(numbers[~np.isin(numbers, entities)])
+    if not len(lost):
+        return []
+    missing = (
+        f"it refers to {len(lost)} {'entity' if len(lost) == 1 else 'entities'} that it lacks, "
+        f"such as #{lost[0]}"
+    )
+    if len(lost) > _MOST_LOST * len(entities):
         raise OptionError(
-            f"{path}: is damaged: it refers to {len(lost)} {entities} that it lacks, such as "
-            f"#{min(map(int, lost))}; parts would be missing. Save or copy it anew."
+            f"{path}: is damaged: {missing}; parts would be missing. Save or copy it anew."
         )
+    return [f"the file is damaged: {missing}; what depends on them is missing"]
 
 
-def _find_numbers(pattern: bytes, bare: bytes) -> set[bytes]:
-    """Return the distinct entity numbers, without leading zeros."""
-    return {digits.lstrip(b"0") or b"0" for digits in re.findall(pattern, bare)}
+def _find_numbers(bare: bytes) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the numbers after ``#``, up to 12 digits of each, and whether each is a definition."""
+    text = np.frombuffer(bare + b"  ", np.uint8)
+    end = np.flatnonzero(text == ord("#")) + 1
+    numbers, is_number = np.zeros(len(end), dtype=np.int64), np.zeros(len(end), dtype=np.bool_)
+    for _ in range(12):
+        # Other characters wrap to more than 9.
+        digit = text[end] - np.uint8(ord("0"))
+        more = digit < 10
+        numbers = np.where(more, numbers * 10 + digit, numbers)
+        is_number |= more
+        end = np.minimum(end + more, len(text) - 1)
+    spaces = np.isin(text, np.frombuffer(b" \t\r\n", np.uint8))
+    spaces[-1] = False
+    while (blank := spaces[end]).any():
+        end = end + blank
+    return numbers[is_number], (text[end] == ord("="))[is_number]
 
 
 def _describe_remedy(words: str, content: bytes) -> str:
@@ -526,7 +619,7 @@ def _find_unit(path: Path, content: bytes) -> str:
     OptionError
         If the unit is not one of those used for products.
     """
-    if re.search(rb"CONVERSION_BASED_UNIT\s*\(\s*'INCH'", content, re.IGNORECASE):
+    if re.search(rb"CONVERSION_BASED_UNIT\s*\(\s*'(?i:INCH)'", content):
         return "inch"
     stated = re.search(rb"SI_UNIT\s*\(\s*(\$|\.[A-Z]{1,9}\.)\s*,\s*\.METRE\.\s*\)", content)
     if stated is None:
