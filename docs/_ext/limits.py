@@ -45,12 +45,13 @@ ROWS: list[tuple[str, str, list[str]]] = [
         ],
     ),
     (
-        "CAD (STEP, folder of meshes)",
-        "{bytes} a file, {bytes} a folder, {} parts, names of {} characters",
+        "CAD (STEP, 3MF, GLB, folder of meshes)",
+        "{bytes} a file, {bytes} a folder, {} parts, {} triangles, names of {} characters",
         [
             "skillplan_cad.reading.step_file:MOST_BYTES",
             "skillplan_cad.reading.mesh_folder:MOST_BYTES_TOGETHER",
             "skillplan_cad.reading.raw_part:MOST_PARTS",
+            "skillplan_cad.reading.product_reader:MOST_TRIANGLES",
             "skillplan_cad.reading.occt_reader:MOST_PATH",
         ],
     ),

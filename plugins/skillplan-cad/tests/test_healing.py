@@ -202,10 +202,29 @@ def test_a_missing_file_is_told_by_name(tmp_path):
         read_product(write_references(tmp_path, "lid"), ReadOptions())
 
 
-def test_a_file_in_a_folder_below_is_left_out_and_not_called_outside(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        (r"below\\PART_LID.STP", "below/part_lid.stp"),
+        ("below/part_lid.stp", "below/part_lid.stp"),
+        (r"C:\\Users\\me\\part_lid.stp", "part_lid.stp"),
+    ],
+)
+def test_a_file_below_the_folder_is_read_however_its_path_is_written(tmp_path, name, place):
+    """Windows has backslashes, ignores case, and keeps the path of the machine that exported."""
     path = write_references(tmp_path)
-    path.write_text(path.read_text().replace("'part_lid.stp'", "'below/part_lid.stp'"))
-    with pytest.raises(OptionError, match="which is not directly in its folder"):
+    path.write_text(path.read_text().replace("'part_lid.stp'", f"'{name}'"))
+    (tmp_path / "below").mkdir()
+    (tmp_path / "part_lid.stp").rename(tmp_path / place)
+    whole = read_product(path, ReadOptions())
+    assert [round(part.volume_m3 / MM3) for part in whole] == [12000, 9600]
+
+
+def test_a_link_to_a_file_is_not_followed(tmp_path):
+    path = write_references(tmp_path)
+    (tmp_path / "part_lid.stp").rename(tmp_path / "elsewhere.stp")
+    (tmp_path / "part_lid.stp").symlink_to("elsewhere.stp")
+    with pytest.raises(OptionError, match=r"'part_lid\.stp', which is left out: there is a link"):
         read_product(path, ReadOptions())
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import os
 import signal
+import zipfile
 
 import numpy as np
 import pytest
@@ -21,6 +23,8 @@ from skillplan_cad import (
     read_in_process,
     read_product,
 )
+from skillplan_cad.reading import step_file
+from skillplan_cad.reading.step_file import ReadingStopped
 from thinned import slow_case, thinned
 
 
@@ -73,6 +77,18 @@ class TestStep:
         right, left = whole.parts[whole.index("right")], whole.parts[whole.index("left_1")]
         assert right.shape != left.shape
         assert left.shape == right.mirrors
+
+    @pytest.mark.slow(reason="reads two files; file names of meshes in every run")
+    @pytest.mark.parametrize(
+        ("name", "encoding"), [("零件2", "gbk"), ("Träger", "cp1252"), ("ボルト", "cp932")]
+    )
+    def test_names_in_the_code_page_of_a_machine_are_read(self, tmp_path, name, encoding):
+        path = tmp_path / "threads.step"
+        content = gzip.decompress(file("threads").read_bytes())
+        path.write_bytes(content.replace(b"'bolt'", f"'{name}'".encode(encoding)))
+        whole = read_product(path, ReadOptions())
+        assert name in [part.name for part in whole]
+        assert f"names are read as {encoding}, as the file is not in UTF-8" in whole.warnings
 
     @pytest.mark.slow(reason="reads two files more; units of meshes in every run")
     def test_inches_are_converted(self):
@@ -203,12 +219,90 @@ class TestFolders:
         with pytest.raises(OptionError, match=words):
             read_product(folder(tmp_path, **meshes), ReadOptions(unit="mm"))
 
-    def test_a_damaged_mesh_is_refused_with_its_file(self, tmp_path):
-        """And what it was read as."""
-        folder(tmp_path, one=box())
+    def test_a_damaged_mesh_is_left_out_by_its_file(self, tmp_path):
+        """And what it was read as; the others do not lose their product for it."""
+        folder(tmp_path, one=box(), three=box(at=(10, 0, 0)))
         (tmp_path / "two.ply").write_text("nonsense")
-        with pytest.raises(OptionError, match=r"two\.ply: cannot be read as PLY"):
-            read_product(tmp_path, ReadOptions(unit="mm"))
+        whole = read_product(tmp_path, ReadOptions(unit="mm"))
+        assert [part.name for part in whole] == ["one", "three"]
+        (warning,) = whole.warnings
+        assert warning.startswith("two is left out: two.ply cannot be read as PLY")
+
+    @pytest.mark.parametrize(
+        ("files", "names"),
+        [
+            (["pump_base", "pump_lid", "pump_arm"], ["arm", "base", "lid"]),
+            (["part_1", "part_2", "part_3"], ["part_1", "part_2", "part_3"]),
+            (["beam", "bearing", "belt"], ["beam", "bearing", "belt"]),
+        ],
+    )
+    def test_a_common_beginning_is_cut_at_a_word_but_no_number_is_left(
+        self, tmp_path, files, names
+    ):
+        folder(tmp_path, **{name: box(at=(20 * n, 0, 0)) for n, name in enumerate(files)})
+        whole = read_product(tmp_path, ReadOptions(unit="mm"))
+        assert [part.name for part in whole] == names
+
+    def test_file_names_of_other_encodings_are_read(self, tmp_path):
+        """A file name of GBK: an archive packed in China, unpacked here."""
+        folder(tmp_path, one=box())
+        (tmp_path / "one.stl").rename(tmp_path / os.fsdecode("轴承座.stl".encode("gbk")))
+        folder(tmp_path, two=box(at=(10, 0, 0)))
+        whole = read_product(tmp_path, ReadOptions(unit="mm"))
+        assert sorted(part.name for part in whole) == ["two", "轴承座"]
+
+
+class TestScenes:
+    """3MF and GLB hold several meshes."""
+
+    def test_nodes_of_a_glb_are_parts_in_metres_with_their_names_and_groups(self, tmp_path):
+        scene = trimesh.Scene()
+        cube = box((0.01, 0.01, 0.01))
+        scene.add_geometry(cube, node_name="base")
+        scene.graph.update("head", matrix=np.diag((-1, 1, 1, 1)))
+        move = trimesh.transformations.translation_matrix((0.02, 0, 0))
+        scene.add_geometry(cube, node_name="cover", parent_node_name="head", transform=move)
+        (tmp_path / "pump.glb").write_bytes(scene.export(file_type="glb"))
+        whole = read_product(tmp_path / "pump.glb", ReadOptions())
+        assert sorted(part.name for part in whole) == ["base", "head/cover"]
+        assert [part.volume_m3 for part in whole] == pytest.approx([1e-6, 1e-6])
+        cover = whole.parts[whole.index("head/cover")]
+        assert cover.centre_m == pytest.approx((-0.02, 0, 0), abs=1e-9)
+        assert whole.parts[0].shape == whole.parts[1].shape
+
+    @pytest.mark.parametrize(("unit", "metres"), [("millimeter", 1e-3), ("inch", 0.0254)])
+    def test_objects_of_a_3mf_are_parts_in_its_unit(self, tmp_path, unit, metres):
+        """Those of models of their own, too, as programs for printers write them."""
+        cube = box((1, 1, 1))
+        rows = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in cube.vertices)
+        faces = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in cube.faces)
+        mesh = f"<mesh><vertices>{rows}</vertices><triangles>{faces}</triangles></mesh>"
+        model = (
+            '<model unit="{unit}" xmlns:p="production"><resources>{objects}</resources>'
+            "<build>{items}</build></model>"
+        )
+        first = f'<object id="1" name="base">{mesh}</object>'
+        group = '<object id="2" name="head"><components><component objectid="1" {path}/>'
+        group = group.format(path='p:path="/3D/own.model"') + "</components></object>"
+        items = '<item objectid="1"/><item objectid="2" transform="1 0 0 0 1 0 0 0 1 3 0 0"/>'
+        with zipfile.ZipFile(tmp_path / "pump.3mf", "w") as archive:
+            own = model.format(unit=unit, objects=first.replace("base", "cover"), items="")
+            archive.writestr("3D/own.model", own)
+            whole = model.format(unit=unit, objects=first + group, items=items)
+            archive.writestr("3D/3dmodel.model", whole)
+        product = read_product(tmp_path / "pump.3mf", ReadOptions())
+        assert [part.name for part in product] == ["base", "head/cover"]
+        assert product.parts[1].volume_m3 == pytest.approx(metres**3)
+        assert product.parts[1].centre_m == pytest.approx((3 * metres, 0, 0), abs=1e-9)
+
+    def test_a_unit_is_for_glb_only(self, tmp_path):
+        (tmp_path / "pump.3mf").write_bytes(b"")
+        with pytest.raises(OptionError, match="3MF states its unit itself"):
+            read_product(tmp_path / "pump.3mf", ReadOptions(unit="mm"))
+        scene = trimesh.Scene([box(), box(at=(20, 0, 0))])
+        (tmp_path / "pump.glb").write_bytes(scene.export(file_type="glb"))
+        whole = read_product(tmp_path / "pump.glb", ReadOptions(unit="mm"))
+        assert whole.parts[0].volume_m3 == pytest.approx(1e-6)
 
 
 class TestOcctApart:
@@ -236,7 +330,27 @@ class TestOcctApart:
         path = tmp_path / "long.step"
         path.write_bytes(gzip.decompress(file("threads").read_bytes()))
         with pytest.raises(OptionError, match=words):
-            read_in_process(path, prepare, (str(path), 5e-5, []), limits)
+            read_in_process(path, prepare, (str(path), 5e-5, [], {}), limits)
+
+    def test_a_shape_that_stops_it_is_left_out_and_the_others_are_read(self, monkeypatch):
+        """Whether OCCT crashes on it, or takes too much; it starts again without it."""
+
+        def stop(path, prepare, content, limits, report):
+            if 1 not in content[3]:
+                raise ReadingStopped("OCCT crashed", 1, "crashes OCCT (signal 11)")
+            return prepare(content)(None)
+
+        monkeypatch.setattr(step_file, "read_in_process", stop)
+        whole = read_product(file("bracket"), ReadOptions())
+        everything = product("bracket")
+        (missing,) = {part.shape for part in everything} - {
+            everything.parts[everything.index(part.name)].shape for part in whole
+        }
+        lost = [part.name for part in everything if part.shape == missing]
+        assert len(whole) == len(everything) - len(lost)
+        assert [words for words in whole.warnings if "crashes OCCT (signal 11)" in words] == [
+            f"{name}: crashes OCCT (signal 11), and is left out" for name in lost
+        ]
 
 
 class TestMending:

@@ -82,8 +82,8 @@ class Part:
     design
         Name of its design, such as ``socket screw M4x10``; empty if unknown.
     closure
-        ``closed`` as drawn; ``mended`` with gaps or holes closed; ``surface`` for an open surface,
-        whose mesh is a thin sheet.
+        ``closed`` as drawn; ``mended`` with gaps or holes closed, or a surface of stated thickness;
+        ``surface`` for another open surface, whose mesh is a thin sheet.
     gap_m
         Largest gap that was closed [m].
     """

@@ -25,8 +25,8 @@ def command(
         str,
         typer.Argument(
             metavar="FILE|FOLDER",
-            help="STEP file (.step or .stp, optionally .gz), or a folder of STL, OBJ or PLY files: "
-            "one per part, all in the same frame.",
+            help="STEP file (.step or .stp, optionally .gz), 3MF or GLB file of several objects, "
+            "or a folder of STL, OBJ or PLY files: one per part, all in the same frame.",
             show_default=False,
         ),
     ],
@@ -47,8 +47,8 @@ def command(
         typer.Option(
             "--unit",
             metavar="UNIT",
-            help="Unit of the meshes in FOLDER: um, mm, cm, m, inch or foot. STEP files state "
-            "theirs.",
+            help="Unit of the meshes in FOLDER: um, mm, cm, m, inch or foot. STEP and 3MF files "
+            "state theirs; GLB is in metres without it.",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,

@@ -326,7 +326,8 @@ def _load_scene(content: bytes, suffix: str) -> Any:
     """Return a file as a scene of trimesh; raises the exceptions of its parsers."""
     if suffix == ".glb":
         _check_glb(content)
-    options = {"merge_primitives": True} if suffix == ".glb" else {}
+    # Faces of several materials are one mesh.
+    options: dict[str, Any] = {"merge_primitives": True} if suffix == ".glb" else {}
     with warnings.catch_warnings(action="ignore"):
         return trimesh.load_scene(
             io.BytesIO(content),

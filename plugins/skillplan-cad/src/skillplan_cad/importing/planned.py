@@ -24,9 +24,7 @@ from skillplan_cad.planning.bearing import ATTITUDES, Bearing, find_bearing, fin
 from skillplan_cad.planning.precedence import list_members
 from skillplan_cad.planning.replay import Replay, replay
 from skillplan_cad.product import Product, Vector
-from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
-from skillplan_cad.reading.product_reader import fits_pattern, read_product
-from skillplan_cad.reading.step_file import is_step
+from skillplan_cad.reading.product_reader import fits_pattern, read_finer
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
 from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm
@@ -429,8 +427,9 @@ def _plan_and_replay(
     plan = restore_plan(content)
 
     def replayed() -> bytes:
-        finer = _read_finer(path, findings.product, settings)
-        share = 1.0 if finer is findings.product else _FINER
+        finer = read_finer(path, findings.product, settings.reading, _FINER)
+        same = any(part in findings.product.parts for part in finer)
+        share = 1.0 if same else _FINER
         finer = relieve_fits(finer, findings.joints.contacts, tolerance_m)
         return serialize_replay(replay(finer, relation, plan, share * tolerance_m))
 
@@ -440,14 +439,6 @@ def _plan_and_replay(
         replayed,
     )
     return plan, restore_replay(content)
-
-
-def _read_finer(path: Path, product: Product, settings: ImportSettings) -> Product:
-    """Return the product with a finer tessellation, or the same product for meshes."""
-    if path.suffix.lower() in MESHES or not is_step(path):
-        return product
-    reading = settings.reading
-    return read_product(path, replace(reading, chord_m=_FINER * reading.chord_m))
 
 
 def _list_lines(plan: AssemblyPlan, again: Replay) -> list[str]:

@@ -98,6 +98,10 @@ def _build_solid(part: Part) -> tuple[Any, int]:
     """Return a part as a manifold3d solid, None if it is not a solid, and the solid's mark."""
     import manifold3d
 
+    if part.closure == "surface":
+        # Its sheet is as thick as rays need, so an overlap would have no meaning.
+        return None, 0
+
     mark = manifold3d.Manifold.reserve_ids(1)
     mesh = manifold3d.Mesh64(
         vert_properties=np.ascontiguousarray(part.vertices_m * 1000),

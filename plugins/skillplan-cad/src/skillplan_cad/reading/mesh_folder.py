@@ -10,7 +10,7 @@ import numpy as np
 
 from skillplan.domains.assembly.mesh_files import MeshFileError, parse_mesh, parse_objects
 from skillplan.errors import OptionError, name_hint
-from skillplan.files.regular_file import RefusedFile, read_bytes, resolve_within
+from skillplan.files.regular_file import RefusedFile, is_folder, read_bytes, resolve_within
 from skillplan_cad.product import Points, Triangles
 from skillplan_cad.reading.mending import mend
 from skillplan_cad.reading.names import (
@@ -42,12 +42,12 @@ def read_folder(
     is_wanted: Callable[[str], bool] = lambda name: True,
     report: Report = lambda text: None,
 ) -> RawProduct:
-    """Read the meshes of a folder, sorted by name.
+    """Read the meshes of a folder, sorted by name, or one mesh of several solids.
 
     Parameters
     ----------
     folder
-        Folder; files with other suffixes are ignored.
+        Folder, or file; files of a folder with other suffixes are ignored.
     weld_m
         Largest gap between open edges that is closed [m].
     is_wanted
@@ -60,7 +60,7 @@ def read_folder(
     OptionError
         If the unit is missing or unknown, or no file is readable.
     """
-    files = list_mesh_files(folder)
+    files = list_mesh_files(folder) if is_folder(folder) else [folder]
     if not files:
         raise OptionError(f"{folder}: holds no meshes: no {', '.join(SUFFIXES)} files lie in it.")
     if unit is None:
@@ -81,7 +81,7 @@ def read_folder(
             continue
         report(f"{number} of {len(files)} meshes")
         try:
-            content = _read_content(folder, path)
+            content = _read_content(path.parent if path == folder else folder, path)
             left -= len(content)
             if left < 0:
                 raise OptionError(
@@ -98,6 +98,8 @@ def read_folder(
     if not parts and warnings:
         raise OptionError(f"{folder}: no mesh can be used. {' '.join(warnings[:_SHOWN])}")
     name = decode_file_name(folder.resolve())
+    if path == folder:
+        name = name.removesuffix(folder.suffix)
     return RawProduct(name, tuple(parts), unit, 0.0, tuple(notes), tuple(warnings))
 
 

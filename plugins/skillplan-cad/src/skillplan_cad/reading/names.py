@@ -24,10 +24,19 @@ _DASH = " - "
 _BREAK = re.compile(r"[ _.-]+")
 _LEAST_FILES = 3
 _MOST_CHARACTERS = 200
+# OCCT drops names of instances without a plain character; this one is added, and removed again.
+_MARK = "\u2060."
+_FOREIGN = re.compile(rb"'((?:\\X2\\[0-9A-Fa-f]*\\X0\\|[\x80-\xff ])+)'")
+
+
+def mark_foreign_names(content: bytes) -> bytes:
+    """Return a STEP file in which each text has a plain character; `clean_name` removes it."""
+    return _FOREIGN.sub(rb"'\1%b'" % _MARK.encode(), content)
 
 
 def clean_name(text: str) -> str:
     """Return a name without characters that are not printable."""
+    text = text.removesuffix(_MARK)
     if not text.isprintable():
         # Control characters, line separators, surrogates and private characters.
         text = "".join(
@@ -54,7 +63,9 @@ def find_common_beginning(names: Sequence[str]) -> str:
     """
     if len(names) < 2:
         return ""
-    common = os.path.commonprefix(names)
+    first, last = min(names), max(names)
+    length = next((n for n in range(len(first)) if last[n : n + 1] != first[n]), len(first))
+    common = first[:length]
     end = common.rfind(_DASH)
     if end >= 0 and all(len(name) > end + len(_DASH) for name in names):
         return common[: end + len(_DASH)]

@@ -187,7 +187,7 @@ def read_document(
         name = tree.walk(labels)
     except ValueError as error:
         return StepContent(refused=str(error))
-    shapes = []
+    shapes: list[Mended | str] = []
     for number, (design, label) in enumerate(tree.designs):
         report(f"{number + 1} of {len(tree.designs)} shapes")
         if number in left_out:
@@ -255,8 +255,7 @@ class _Tree:
             XCAFDoc_ShapeTool.GetComponents_s(design, components, False)
             children = [components.Value(number) for number in range(1, components.Length() + 1)]
             # A lone child with a name that says nothing takes that of its assembly.
-            lone = len(children) == 1 and path and _is_generic(children[0])
-            if lone and not XCAFDoc_ShapeTool.IsAssembly_s(_resolve(children[0])):
+            if len(children) == 1 and path and _is_generic(children[0]):
                 todo.append((children[0], name, path, pose @ _read_pose(children[0]), length))
                 continue
             below = (*path, name)
@@ -354,11 +353,22 @@ def build_shape(name: str, shape: Any, chord_mm: float) -> Mended | str:
     if not bodies:
         curves = any(True for _ in _explore(shape, _EDGE))
         return "holds only curves" if curves else "is empty"
-    whole = join(name, bodies)
+    notes: list[str] = []
     if loose:
-        sheets = "a surface" if len(loose) == 1 else f"{len(loose)} surfaces"
-        whole = replace(whole, notes=(*whole.notes, f"{name}: {sheets} beside its solids left out"))
-    return whole
+        skins = _build_skin(name, loose, chord_mm)
+        bodies += [skin for skin in skins if not skin.open_edges]
+        notes = [
+            f"{name}: a surface of {_describe_size(skin)} mm beside its solids is left out"
+            for skin in skins
+            if skin.open_edges
+        ]
+    whole = join(name, bodies)
+    return replace(whole, notes=(*whole.notes, *notes))
+
+
+def _describe_size(mended: Mended) -> str:
+    extents = np.ptp(mended.part.vertices_m, axis=0) * 1000
+    return " x ".join(f"{extent:.4g}" for extent in extents if extent > 1e-3)
 
 
 def _build_solid(name: str, solid: Any, chord_mm: float) -> Mended:

@@ -306,6 +306,33 @@ def read_product(path: Path, options: ReadOptions, report: Report | None = None)
     )
 
 
+def read_finer(path: Path, product: Product, options: ReadOptions, share: float) -> Product:
+    """Return a product of STEP with a finer tessellation; parts keep theirs if it fails for them.
+
+    Parameters
+    ----------
+    options
+        Options by which the product was read.
+    share
+        Factor on the chord.
+    """
+    if is_folder(path) or not is_step(path):
+        return product
+    try:
+        finer = read_product(path, replace(options, chord_m=share * options.chord_m))
+    except OptionError:
+        # The product has been read, so another chord is no reason to refuse it.
+        return product
+    parts = {part.name: part for part in finer}
+    return replace(
+        product,
+        parts=tuple(
+            parts[own.name] if own.name in parts and parts[own.name].closure == own.closure else own
+            for own in product
+        ),
+    )
+
+
 def _split_bodies(meshes: Sequence[Mended], options: ReadOptions) -> tuple[list[Mended], list[str]]:
     """Return the parts, with bodies as parts if requested, and notes."""
     parts: list[Mended] = []
@@ -577,7 +604,7 @@ def _show_length(length_m: float) -> str:
 
 
 def _read_raw(path: Path, options: ReadOptions, report: Report) -> RawProduct:
-    if is_folder(path):
+    if is_folder(path) or (path.suffix.lower() in MESHES and is_regular(path)):
         return read_folder(
             path,
             options.unit,
@@ -593,10 +620,6 @@ def _read_raw(path: Path, options: ReadOptions, report: Report) -> RawProduct:
         return read_step(path, options.chord_m, report)
     if path.suffix.lower() in SCENES:
         return read_scene(path, options.unit, options.chord_m, report)
-    if path.suffix.lower() in MESHES:
-        raise OptionError(
-            f"{path}: is one mesh. Give the folder of all parts, one file a part, and --unit."
-        )
     raise OptionError(
         f"{path}: is neither STEP ({', '.join(STEP)}), nor {' or '.join(SCENES)}, nor a folder of "
         f"meshes ({', '.join(MESHES)})."
@@ -675,8 +698,11 @@ def _refuse_single(path: Path, meshes: Sequence[Mended], warnings: Sequence[str]
             f"{path}: holds one part, {name}, of {bodies} bodies. --split-bodies makes each of "
             f"these a part.{about}"
         )
+    remedy = (
+        "Give the folder of all parts" if path.suffix.lower() in MESHES else "Save the assembly"
+    )
     raise OptionError(
-        f"{path}: holds one part, {name}; there is nothing to assemble. Save the assembly.{about}"
+        f"{path}: holds one part, {name}; there is nothing to assemble. {remedy}.{about}"
     )
 
 

@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
@@ -22,14 +22,14 @@ from safetensors.numpy import load, save
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.folder import get_cache_folder
-from skillplan.files.regular_file import RefusedFile, read_bytes, resolve_within
+from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.workers.executor import Answer, Ended, News, Prepare, Worker, pack_content
 from skillplan.workers.executor import tell as send_news
 from skillplan.workers.local_processes import LocalProcesses
 from skillplan.workers.processes import measure_resident_bytes_of
 from skillplan_cad.product import Points, Triangles, Vector
 from skillplan_cad.reading.mending import join
-from skillplan_cad.reading.names import decode_file_name, decode_text
+from skillplan_cad.reading.names import decode_file_name, decode_text, mark_foreign_names
 from skillplan_cad.reading.raw_part import Mended, RawProduct
 
 if TYPE_CHECKING:
@@ -190,7 +190,10 @@ _NOT_FINITE = re.compile(
 _MOST_LOST = 0.01
 _POINT = re.compile(rb"#(\d+)\s*=\s*CARTESIAN_POINT\s*\(\s*'[^']*'\s*,\s*\(([^()]{0,200})\)")
 # Names of files that a file refers to; stand-in for one that is not read.
-_FILE_NAME = re.compile(rb"'((?:[^']|''){1,1000}\.(?:step|stp|p21))'", re.IGNORECASE)
+_FILE_NAME = re.compile(
+    rb"(DOCUMENT_FILE|EXTERNAL_IDENTIFICATION_ASSIGNMENT|IDENTIFIER)(\s*\(\s*)"
+    rb"'((?:[^']|''){1,1000})'"
+)
 _NOWHERE = "left_out.none"
 NOT_FINITE = "has coordinates that are not finite"
 _PREFIXES = {b".MILLI.": "mm", b".CENTI.": "cm", b".DECI.": "dm", b"$": "m", b".MICRO.": "um"}
@@ -341,7 +344,10 @@ def _gather_references(path: Path, content: bytes) -> tuple[dict[str, bytes], li
     Files outside its folder are not read; neither is a file twice.
     """
     main = "product.step"
+    folder = path.resolve().parent
     files: dict[str, bytes] = {main: content}
+    names: dict[Path, str] = {path.resolve(): main}
+    places = {main: folder}
     notes: dict[str, None] = {}
     todo = [main]
     left = MOST_BYTES - len(content)
@@ -349,40 +355,77 @@ def _gather_references(path: Path, content: bytes) -> tuple[dict[str, bytes], li
         own = todo.pop(0)
         if b"DOCUMENT_FILE" not in files[own]:
             continue
-        data = files[own].partition(b"DATA;")[2]
-        for quoted in sorted(set(_FILE_NAME.findall(data))):
+        head, mark, data = files[own].partition(b"DATA;")
+        targets: dict[bytes, bytes] = {}
+        for keyword, _, quoted in sorted(set(_FILE_NAME.findall(data))):
+            if quoted in targets:
+                continue
             name = _decode_text(quoted)
-            if name in files and name != main:
-                continue
-            own_content, words = _read_reference(path, name, left)
-            if own_content is None:
-                # OCCT would look for it elsewhere.
-                files[own] = files[own].replace(b"'" + quoted + b"'", b"'%b'" % _NOWHERE.encode())
+            there, words = _find_reference(name, places[own], folder)
+            if there is not None and there not in names:
+                read, words = _read_reference(name, there, folder, left)
+                if read is not None:
+                    left -= len(read)
+                    plain = there.name if there.name.isascii() else f"{len(files)}.stp"
+                    names[there] = f"{len(files)}_{plain}" if plain in files else plain
+                    files[names[there]], places[names[there]] = read, there.parent
+                    todo.append(names[there])
+            # OCCT would look for a file that is not read elsewhere, and for itself without an end.
+            target = _NOWHERE if there is None else names.get(there, _NOWHERE)
+            targets[quoted] = (_NOWHERE if target in (main, own) else target).encode()
+            # Documents may be drawings.
+            if words and (b"EXTERNAL" in keyword or is_step(Path(name))):
                 notes.setdefault(words)
-                continue
-            left -= len(own_content)
-            files[name] = own_content
-            todo.append(name)
+        files[own] = head + mark + _rename_references(data, targets)
     return files, list(notes)
 
 
-def _read_reference(path: Path, name: str, most_bytes: int) -> tuple[bytes | None, str]:
-    """Return the content of a file beside another; None and a note if it is not read."""
-    folder = path.resolve().parent
-    beside = folder / name
-    if Path(name).name != name or "\\" in name or name in (".", "..", path.name):
-        place = Path(os.path.normpath(folder / name.replace("\\", "/")))
-        if place.is_relative_to(folder):
-            return None, f"refers to {name!r}, which is not directly in its folder and is left out"
-        return None, f"refers to {name!r}, which lies outside its folder and is left out"
+def _rename_references(data: bytes, targets: Mapping[bytes, bytes]) -> bytes:
+    """Return the data of a file with other names of files."""
+    return _FILE_NAME.sub(lambda match: b"%b%b'%b'" % (match[1], match[2], targets[match[3]]), data)
+
+
+def _find_reference(name: str, place: Path, folder: Path) -> tuple[Path | None, str]:
+    """Return the path of a file that another refers to, and a note if it is not there.
+
+    Parameters
+    ----------
+    place
+        Folder of the file that refers to it.
+    folder
+        Folder of the product; a file elsewhere is looked for by its name in these two.
+    """
+    relative = PurePosixPath(name.replace("\\", "/"))
+    full = Path(os.path.normpath(place / relative))
+    inside = full.is_relative_to(folder) and not PureWindowsPath(name).drive
+    for candidate in (full, place / relative.name, folder / relative.name):
+        if candidate is full and not inside:
+            continue
+        # Folders are listed, because Windows ignores case in names.
+        with suppress(OSError, ValueError):
+            entries = sorted(candidate.parent.iterdir())
+            exact = [entry for entry in entries if entry.name == candidate.name]
+            alike = [entry for entry in entries if entry.name.lower() == candidate.name.lower()]
+            for entry in (*exact, *alike):
+                return entry, ""
+    where = "which is missing beside it" if inside else "which lies outside its folder"
+    return None, f"refers to {name!r}, {where}; its parts are left out"
+
+
+def _read_reference(
+    name: str, there: Path, folder: Path, most_bytes: int
+) -> tuple[bytes | None, str]:
+    """Return the content of a file in a folder; None and a note if it is not read."""
     try:
-        content = read_bytes(resolve_within(beside, folder), most_bytes, within=folder)
+        content = read_bytes(there, most_bytes, within=folder)
+        return _check_content(there, content)[0], ""
     except RefusedFile as refused:
         return None, f"refers to {name!r}, which is left out: {refused.strerror}"
-    except OSError:
-        return None, f"refers to {name!r}, which is missing beside it; its parts are left out"
-    _check_content(beside, content)
-    return content, ""
+    except OSError as error:
+        return None, f"refers to {name!r}, which is left out: {error.strerror or error}"
+    except OptionError as error:
+        reason = str(error).removeprefix(f"{there}: ").rstrip(".")
+        return None, f"refers to {name!r}, which is left out: it {reason}"
 
 
 def _decode_text(text: bytes) -> str:
@@ -474,7 +517,7 @@ def _read_content(path: Path) -> tuple[bytes, list[str]]:
 
 
 def _check_content(path: Path, content: bytes) -> tuple[bytes, list[str]]:
-    """Return content in UTF-8, and warnings; refuse it if it is no STEP, or OCCT would misread it."""
+    """Return content in UTF-8, and warnings; refuse what is no STEP or OCCT would misread."""
     if content[:2] == b"PK":
         raise OptionError(f"{path}: is a ZIP archive despite its name. Unpack it first.")
     if not content.strip():
@@ -493,6 +536,8 @@ def _check_content(path: Path, content: bytes) -> tuple[bytes, list[str]]:
         if encoding != "UTF-8":
             content = text.encode()
             warnings.append(f"names are read as {encoding}, as the file is not in UTF-8")
+    if not content.isascii() or b"\\X2\\" in content:
+        content = mark_foreign_names(content)
     bare = _strip_texts(content)
     warnings += _check_references(path, bare)
     _refuse_numbers(path, bare)
