@@ -181,13 +181,69 @@ def test_a_surface_with_a_hole_is_refused(tmp_path):
         assert message.startswith("It is not closed")
 
 
-def test_closed_bodies_that_touch_are_not_called_open(tmp_path):
-    """As a lid on its tray: their mirrored halves share a face here."""
-    corners = [*WEDGE, *((-x, y, z) for x, y, z in WEDGE)]
+def shifted(corners, by):
+    return [tuple(a + b for a, b in zip(corner, by, strict=True)) for corner in corners]
+
+
+@pytest.mark.parametrize("write", [as_obj, as_stl])
+def test_closed_bodies_may_share_an_edge(tmp_path, write):
+    """As a lid that ends where its tray does: the second wedge stands on the first one's back."""
+    name = f"two.{write.__name__[3:]}"
+    # The back's upper edge, from (0, 0, 1) to (0, 1, 1), is the lower front edge of the second.
+    second = shifted([(-x, y, z) for x, y, z in WEDGE], (0, 0, 1))
     faces = [tuple(index + len(WEDGE) for index in face[::-1]) for face in WEDGE_FACES]
-    name = wedge_in(tmp_path, corners=corners, faces=[*WEDGE_FACES, *faces])
-    message, _ = reason(tmp_path, name)
-    assert message.startswith("An edge lies between 4 faces, where closed bodies touch")
+    (tmp_path / name).write_bytes(write([*WEDGE, *second], [*WEDGE_FACES, *faces]))
+    both = read_mesh(tmp_path, name, 0.01)
+    assert both.size == pytest.approx((0.04, 0.01, 0.02))
+    assert (len(both.corners), len(both.faces)) == (12, 16)
+    assert not both.convex
+    surface = trimesh.Trimesh(both.corners, both.faces, process=False)
+    assert surface.is_watertight
+    assert surface.volume == pytest.approx(2e-6)
+
+
+def test_closed_bodies_may_share_faces(tmp_path):
+    """As mirrored halves."""
+    second = [(-x, y, z) for x, y, z in WEDGE]
+    faces = [tuple(index + len(WEDGE) for index in face[::-1]) for face in WEDGE_FACES]
+    name = wedge_in(tmp_path, corners=[*WEDGE, *second], faces=[*WEDGE_FACES, *faces])
+    both = read_mesh(tmp_path, name, 0.01)
+    assert (len(both.corners), len(both.faces)) == (12, 16)
+
+
+def test_a_tray_with_its_lid_is_two_closed_bodies(tmp_path):
+    """The lid stands on the rim: only an outer edge joins the tray's inside to its outside."""
+    outer = [(x, y, z) for z in (0, 2) for x, y in ((0, 0), (4, 0), (4, 3), (0, 3))]
+    inner = [(x, y, z) for z in (1, 2) for x, y in ((1, 1), (3, 1), (3, 2), (1, 2))]
+    lid = [(x, y, z) for z in (2, 3) for x, y in ((0, 0), (4, 0), (4, 3), (0, 3))]
+    ring = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    faces = [(3, 2, 1, 0), (8, 9, 10, 11), (19, 18, 17, 16), (20, 21, 22, 23)]
+    faces += [(a, b, b + 4, a + 4) for a, b in ring]
+    faces += [(b + 8, a + 8, a + 12, b + 12) for a, b in ring]
+    faces += [(a + 4, b + 4, b + 12, a + 12) for a, b in ring]
+    faces += [(a + 16, b + 16, b + 20, a + 20) for a, b in ring]
+    (tmp_path / "tray.stl").write_bytes(as_stl([*outer, *inner, *lid], faces))
+    assert read_mesh(tmp_path, "tray.stl", 0.01).size == pytest.approx((0.04, 0.03, 0.03))
+
+
+def test_a_body_that_touches_itself_is_not_called_open(tmp_path):
+    """Two cubes that share an edge, below a slab that joins them: one inside about the edge."""
+    cells = {(0, 0, 0), (1, 1, 0), *((x, y, 1) for x in (0, 1) for y in (0, 1))}
+    corners, faces = [], []
+    for cell in sorted(cells):
+        for axis in range(3):
+            for side in (0, 1):
+                beyond = tuple(n + (2 * side - 1) * (k == axis) for k, n in enumerate(cell))
+                if beyond in cells:
+                    continue
+                across, up = (axis + 1) % 3, (axis + 2) % 3
+                ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
+                for a, b in ring if side else ring[::-1]:
+                    offset = {axis: side, across: a, up: b}
+                    corners.append(tuple(cell[k] + offset[k] for k in range(3)))
+                faces.append(tuple(range(len(corners) - 4, len(corners))))
+    message, _ = reason(tmp_path, wedge_in(tmp_path, corners=corners, faces=faces))
+    assert message.startswith("An edge lies between 4 faces: a body touches itself")
 
 
 def test_units_are_told_by_the_scale(tmp_path):

@@ -114,6 +114,7 @@ def build_polyhedron(
         raise MeshFileError(
             f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
         )
+    corners, faces = _separate_bodies(corners, faces)
     surface = _orient_outward(corners, faces)
     faces = np.asarray(surface.faces)
     longest_m = float(size.max())
@@ -145,15 +146,72 @@ def _merge_corners(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
     return unique[used], compact.reshape(-1, 3)
 
 
+def _separate_bodies(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
+    """Return the surface with corners of its own for each body, if bodies touch along edges.
+
+    Raises
+    ------
+    MeshFileError
+        If a body touches itself along an edge.
+    """
+    surface = trimesh.Trimesh(corners, faces, process=False)
+    if surface.is_watertight:
+        return corners, faces
+    graph: Any = trimesh.graph
+    pairs = [*surface.face_adjacency.tolist(), *_pair_at_shared_edges(corners, faces)]
+    labels = graph.connected_component_labels(
+        np.array(pairs, dtype=np.int64).reshape(-1, 2), node_count=len(faces)
+    )
+    # One number for each corner of each body.
+    numbers, index = np.unique(labels[:, None] * len(corners) + faces, return_inverse=True)
+    own_corners, own_faces = corners[numbers % len(corners)], index.reshape(-1, 3)
+    if trimesh.Trimesh(own_corners, own_faces, process=False).is_watertight:
+        return own_corners, own_faces
+    _, counts = np.unique(np.sort(surface.edges, axis=1), axis=0, return_counts=True)
+    if not (counts % 2).any():
+        raise MeshFileError(
+            f"An edge lies between {counts.max()} faces: a body touches itself, or faces are "
+            "turned inward. Unite bodies, or give each as a mesh of its own."
+        )
+    return corners, faces
+
+
+def _pair_at_shared_edges(corners: Floats, faces: Indices) -> Iterator[tuple[int, int]]:
+    """Yield the faces of the same body at edges of more than two: material lies between them."""
+    around: dict[tuple[int, int], list[tuple[int, int, bool]]] = {}
+    for face, (a, b, c) in enumerate(faces.tolist()):
+        for start, end, third in ((a, b, c), (b, c, a), (c, a, b)):
+            edge = (min(start, end), max(start, end))
+            around.setdefault(edge, []).append((face, third, start > end))
+    for (low, high), sides in around.items():
+        opening = next((side for side in sides if side[2]), None)
+        if len(sides) <= 2 or len(sides) % 2 or opening is None:
+            continue
+        axis = corners[high] - corners[low]
+        axis = axis / np.linalg.norm(axis)
+        right = corners[opening[1]] - corners[low]
+        ahead = np.cross(axis, right - axis * (axis @ right))
+        right = np.cross(ahead, axis)
+        turned = []
+        for face, third, opens in sides:
+            arm = corners[third] - corners[low]
+            # Counted from a face after which material begins.
+            angle = round(math.atan2(arm @ ahead, arm @ right), 6) % (2 * math.pi)
+            if opens and angle > 2 * math.pi - 1e-5:
+                angle = 0.0
+            if not opens and angle < 1e-5:
+                angle = 2 * math.pi
+            # Of faces that coincide, the one at which material ends comes first.
+            turned.append((angle, opens, face))
+        turned.sort()
+        for (_, opens, first), (_, closes, second) in zip(turned[::2], turned[1::2], strict=True):
+            if opens and not closes:
+                yield first, second
+
+
 def _orient_outward(corners: Floats, faces: Indices) -> trimesh.Trimesh:
     """Return the surface with its faces turned outward, each connected body by itself."""
     surface = trimesh.Trimesh(corners, faces, process=False)
-    _, counts = np.unique(np.sort(surface.edges, axis=1), axis=0, return_counts=True)
-    if counts.max() > 2 and not (counts % 2).any():
-        raise MeshFileError(
-            f"An edge lies between {counts.max()} faces, where closed bodies touch. Unite them, "
-            "or give each as a mesh of its own."
-        )
     if not surface.is_watertight:
         raise MeshFileError(
             "It is not closed: an edge does not lie between two faces. Close its holes, and leave "
