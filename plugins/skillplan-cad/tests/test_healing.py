@@ -26,7 +26,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Compound
 
 from skillplan.errors import OptionError
-from skillplan_cad import RawPart, ReadOptions, mend, read_product
+from skillplan_cad import RawPart, ReadOptions, find_joints, mend, read_product
 from skillplan_cad.reading import step_file
 
 sys.path.insert(0, str(Path(__file__).parent / "step_writer"))
@@ -139,6 +139,9 @@ def test_a_surface_blocks_and_is_told_but_loses_no_product(tmp_path):
     assert label.closure == "surface"
     assert label.mass_kg == pytest.approx(30 * 10 * 0.02 * MM3 * 7850, rel=1e-6)
     assert any("label is not closed: a surface of 30 x 10 mm" in text for text in whole.warnings)
+    (contact,) = find_joints(whole, 1e-4, "cylinders", "unscrew").contacts
+    assert contact.fit is None
+    assert contact.overlap_m3 == 0
     sheet = read(tmp_path, with_plate("label", rectangle(5, 5, 35, 15, 0.0)), thickness_m=5e-4)
     assert sheet.parts[1].mass_kg == pytest.approx(30 * 10 * 0.5 * MM3 * 7850, rel=1e-6)
 
@@ -157,6 +160,14 @@ def test_a_lone_solid_takes_the_name_of_its_assembly_and_controls_are_cleaned(tm
     product = with_plate("odd", box(20, 20, 0, 30, 30, 10)).add("BOLT", bolt)
     whole = read(tmp_path, product, lambda text: text.replace("'odd'", r"'o\X\10d'"))
     assert [part.name for part in whole] == ["plate", "o_d", "BOLT"]
+
+
+def test_a_closed_skin_beside_a_solid_is_a_body_and_an_open_one_is_left_out(tmp_path):
+    skin = faces(box(50, 0, 0, 60, 10, 10))
+    mixed = compound(box(0, 0, 0, 40, 30, 10), *skin, rectangle(0, 50, 20, 60, 0))
+    whole = read(tmp_path, with_plate("mixed", mixed))
+    assert whole.parts[whole.index("mixed")].bodies == 2
+    assert "mixed: a surface of 20 x 10 mm beside its solids is left out" in whole.notes
 
 
 def test_a_copy_at_the_same_place_is_taken_once(tmp_path):
@@ -178,6 +189,8 @@ def test_bodies_that_share_faces_are_bodies_of_their_own(tmp_path):
     both = trimesh.util.concatenate([lower, upper])
     mended = mend(RawPart("stack", (), np.asarray(both.vertices), np.asarray(both.faces)))
     assert np.bincount(mended.bodies).tolist() == [12, 12]
+    # Each has corners of its own, or it could not be cut into pieces.
+    assert len(mended.part.vertices_m) == 16
 
 
 def write_references(folder, *left_out):

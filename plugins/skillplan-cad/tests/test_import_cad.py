@@ -143,12 +143,12 @@ def test_what_is_wrong_is_said_and_nothing_is_written(tmp_path, capsys, words, m
     assert not (tmp_path / "product").exists()
 
 
-def test_a_mesh_of_a_task_is_refused_with_the_place_where_it_is_read(tmp_path, capsys):
+def test_a_damaged_file_of_several_meshes_is_refused(tmp_path, capsys):
     for name in ("cube.glb", "cube.3MF"):
         (tmp_path / name).write_bytes(b"glTF")
         assert run(["import-cad", str(tmp_path / name), "--out", str(tmp_path / "product")]) == 2
         message = " ".join(capsys.readouterr().err.split())
-        assert f"a task reads as a part (meshes: [{{file: {name}}}])" in message
+        assert f"{name}: It cannot be read as {name[-3:].upper()}; save it again." in message
 
 
 def test_a_folder_with_anything_in_it_is_left_alone(made, capsys):

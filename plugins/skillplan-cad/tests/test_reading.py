@@ -24,7 +24,6 @@ from skillplan_cad import (
     read_product,
 )
 from skillplan_cad.reading import step_file
-from skillplan_cad.reading.step_file import ReadingStopped
 from thinned import slow_case, thinned
 
 
@@ -337,7 +336,7 @@ class TestOcctApart:
 
         def stop(path, prepare, content, limits, report):
             if 1 not in content[3]:
-                raise ReadingStopped("OCCT crashed", 1, "crashes OCCT (signal 11)")
+                raise step_file.ReadingStopped("OCCT crashed", 1, "crashes OCCT (signal 11)")
             return prepare(content)(None)
 
         monkeypatch.setattr(step_file, "read_in_process", stop)

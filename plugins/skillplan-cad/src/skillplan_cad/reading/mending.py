@@ -538,12 +538,17 @@ def _turn_outwards(part: RawPart) -> tuple[RawPart, NDArray[np.int64], bool]:
     A shell of negative volume inside another is a cavity of it, not a body.
     """
     triangles = part.triangles
-    shell = _label_shells(part.vertices_m, triangles)
+    shell, corner_of = _label_shells(part.vertices_m, triangles)
+    if corner_of is not triangles:
+        vertices = np.zeros((int(corner_of.max()) + 1, 3))
+        vertices[corner_of] = part.vertices_m[triangles]
+        part, triangles = replace(part, vertices_m=vertices, triangles=corner_of), corner_of
     count = int(shell.max()) + 1
     volume = np.bincount(shell, compute_volumes_m3(part.vertices_m, triangles), count)
     corners = part.vertices_m[triangles]
-    low = np.stack([corners[shell == number].min(axis=(0, 1)) for number in range(count)])
-    high = np.stack([corners[shell == number].max(axis=(0, 1)) for number in range(count)])
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, shell, corners.min(axis=1))
+    np.maximum.at(high, shell, corners.max(axis=1))
 
     def find_around(number: int) -> list[int]:
         return [
@@ -578,8 +583,11 @@ def _turn_outwards(part: RawPart) -> tuple[RawPart, NDArray[np.int64], bool]:
     return part, body[shell], bool(inverted)
 
 
-def _label_shells(vertices_m: Points, triangles: Triangles) -> NDArray[np.int64]:
-    """Return the shell of each triangle; shells that share corners or edges only are distinct."""
+def _label_shells(vertices_m: Points, triangles: Triangles) -> tuple[NDArray[np.int64], Triangles]:
+    """Return the shell of each triangle, and triangles with corners of their own where edges touch.
+
+    Shells that share corners or edges only are distinct.
+    """
     edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     owner = np.repeat(np.arange(len(triangles)), 3)
     ordered = np.sort(edges, axis=1)
@@ -588,12 +596,26 @@ def _label_shells(vertices_m: Points, triangles: Triangles) -> NDArray[np.int64]
     starts = np.flatnonzero(np.concatenate([[True], ~same]))
     sizes = np.diff(np.append(starts, len(order)))
     twins = starts[sizes == 2]
-    pairs = [np.stack([owner[order[twins]], owner[order[twins + 1]]], axis=1)]
+    # Pairs of half edges; those of a triangle have its number by 3.
+    pairs = [np.stack([order[twins], order[twins + 1]], axis=1)]
     for start, size in zip(starts[sizes > 2], sizes[sizes > 2], strict=True):
         around = order[start : start + size]
-        pairs.append(_pair_around_edge(vertices_m, triangles, edges[around], owner[around]))
+        own = _pair_around_edge(vertices_m, triangles, edges[around], owner[around])
+        pairs.append(around[own])
     joined = np.concatenate(pairs)
-    return _label_components(joined, len(triangles))
+    shells = _label_components(joined // 3, len(triangles))
+    if len(pairs) == 1:
+        return shells, triangles
+    # A half edge starts at the corner of its own number, and ends at the next of its triangle.
+    first, second = joined.T
+    first_end, second_end = (half - half % 3 + (half + 1) % 3 for half in (first, second))
+    turned = triangles.ravel()[first] != triangles.ravel()[second]
+    links = [
+        np.stack([first, np.where(turned, second_end, second)], axis=1),
+        np.stack([first_end, np.where(turned, second, second_end)], axis=1),
+    ]
+    corners = _label_components(np.concatenate(links), 3 * len(triangles))
+    return shells, corners.reshape(-1, 3)
 
 
 def _build_tree(points: Points) -> Any:
@@ -615,7 +637,7 @@ def _label_components(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]
 def _pair_around_edge(
     vertices_m: Points, triangles: Triangles, edges: NDArray[np.int64], owner: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return the pairs of triangles at an edge that bound the same material."""
+    """Return the pairs of places in `owner`, triangles at an edge that bound the same material."""
     start, end = np.sort(edges[0])
     axis = vertices_m[end] - vertices_m[start]
     axis /= np.linalg.norm(axis) or 1.0
@@ -634,5 +656,5 @@ def _pair_around_edge(
             break
         partner = min(free, key=lambda other: (angle[ahead] - angle[other] - 1e-6) % (2 * np.pi))
         free.discard(partner)
-        pairs.append((owner[ahead], owner[partner]))
+        pairs.append((ahead, partner))
     return np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
