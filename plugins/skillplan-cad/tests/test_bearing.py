@@ -56,6 +56,53 @@ def test_what_only_its_fit_holds_is_not_borne_and_neither_is_what_stands_on_it()
     assert "stands on ram alone, which nothing bears" in bearing.why_not["knob"].text
 
 
+FRAME = box(0, 0, 0, 60, 40, 40) - box(10, -1, 10, 50, 41, 41)
+LYING = rod(0, 0, 0, 5, 60).rotate([0, 90, 0]).translate([0, 20, 25])
+
+
+def test_a_shaft_that_lies_in_bores_stays_and_comes_from_the_side():
+    """Contact forces of the lower halves of the bores balance its weight."""
+    product = product_of(frame=FRAME - LYING, shaft=LYING)
+    known = related(product)
+    bearing = find_bearing(product, known, UP)
+    assert bearing.order == ("frame", "shaft")
+    assert bearing.on["shaft"] == ("frame",)
+    task = build_task(product, known, Planner(product, known).plan(), bearing=bearing)
+    assert task.document["parts"]["shaft"]["insert_along"][0] in ([1, 0, 0], [-1, 0, 0])
+
+
+def test_a_pin_in_a_through_hole_falls_and_one_on_the_floor_of_a_hole_stays():
+    """It stands on an edge beside its centre of mass: the wall of the hole keeps it upright."""
+    pin = rod(30, 30, 2, 5, 18)
+    through = borne(product_of(plate=PLATE - rod(30, 30, 0, 5, 10), pin=pin))
+    assert through.why_not["pin"].kind == "not level"
+    half = box(20, 20, 0, 28, 40, 2)
+    blind = borne(
+        product_of(plate=box(0, 0, 0, 60, 60, 14) - rod(30, 30, 0, 5, 14) + half, pin=pin)
+    )
+    assert blind.order == ("plate", "pin")
+
+
+def test_the_order_leaves_out_what_no_order_lets_pass():
+    """A lid that must be lifted off sideways, by a post that comes from below it."""
+    lid = box(-10, -10, 10, 70, 70, 20) - box(25, 25, 10, 35, 35, 18)
+    post = box(25, 25, 10, 35, 35, 18)
+    bearing = borne(product_of(plate=PLATE, post=post, lid=lid))
+    assert bearing.order == ("plate", "post", "lid")
+    hook = post + box(35, 25, 12, 45, 35, 16)
+    locked = lid - box(35, 25, 12, 45, 35, 16)
+    bearing = borne(product_of(plate=PLATE, post=hook, lid=locked))
+    assert bearing.order == ("plate", "lid")
+    assert (bearing.why_not["post"].kind, bearing.why_not["post"].by) == ("closed in", ("lid",))
+
+
+def test_what_stands_on_a_part_that_is_left_out_follows_it():
+    product = product_of(plate=PLATE, sleeve=SLEEVE, shelf=box(15, 15, 50, 45, 45, 54))
+    bearing = find_bearing(product, related(product), UP, {"sleeve"})
+    assert bearing.order == ("plate",)
+    assert (bearing.why_not["shelf"].kind, bearing.why_not["shelf"].by) == ("follows", ("sleeve",))
+
+
 def test_a_part_with_its_centre_of_mass_beside_what_bears_it_would_tip():
     bearing = borne(product_of(plate=PLATE, board=box(50, 0, 10, 150, 60, 14)))
     assert "would tip off plate" in bearing.why_not["board"].text

@@ -2,12 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.task import Body, Box, Cylinder, Mesh, Pose
 from skillplan_pinocchio import (
+    ConvexPiece,
     Obstacle,
     compute_planar_hull,
     find_supports,
@@ -136,3 +138,31 @@ def test_what_a_polygon_has_in_common_with_a_square_is_within_both(points):
             spans = [[corner[axis] for corner in item] for item in (common, again)]
             assert min(spans[0]) == pytest.approx(min(spans[1]), abs=1e-6)
             assert max(spans[0]) == pytest.approx(max(spans[1]), abs=1e-6)
+
+
+def bar(x=0.0, z=0.0, sides=64):
+    """Return the pieces of a round bar that lies along y, 10 mm in radius."""
+    turns = [2 * math.pi * n / sides for n in range(sides)]
+    ring = [(x + 0.01 * math.cos(t), z + 0.01 * math.sin(t)) for t in turns]
+    corners = [(a, y, b) for y in (-0.05, 0.05) for a, b in ring]
+    return (ConvexPiece(np.array(corners)),)
+
+
+def slope(side):
+    """Return a prism whose upper face falls towards x = 0 by 45 degrees."""
+    outline = [(0.0, 0.0), (side * 0.04, 0.0), (side * 0.04, 0.04)]
+    return (ConvexPiece(np.array([(x, y, z) for y in (-0.03, 0.03) for x, z in outline])),)
+
+
+def test_slanted_faces_bear_a_bar_between_them_but_one_alone_does_not():
+    """Their contacts are lines, which have no area; the bar is longer than its bed."""
+    result = ground(bar(z=0.01 * math.sqrt(2)), slope(1.0), slope(-1.0))
+    assert result.hold([True, True])
+    assert not result.hold([True, False])
+
+
+def test_a_bar_between_upright_walls_falls_through():
+    """No preload is stated that would clamp it."""
+    walls = [block((0.02, 0.1, 0.05), x) for x in (-0.02, 0.02)]
+    result = ground(bar(z=0.03), *walls)
+    assert not result.hold([True] * len(result.contacts))

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, SurfacePiece
+from skillplan.collision.contact_forces import BEARS, select_spread, stays_balanced
+from skillplan.task.motion import Point
+from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, SurfacePiece, may_touch
 
+Array = NDArray[np.float64]
 Planar = tuple[float, float]
 Polygon = tuple[Planar, ...]
 
@@ -17,6 +22,11 @@ _LEAST_AREA_M2 = 1e-10
 _ROUNDING_M = 1e-9
 # Maximum slope of a level face [-].
 _LEVEL = 1e-3
+_UP = (0.0, 0.0, 1.0)
+# Points on each edge, and on all edges, at which two surfaces may touch.
+_PER_EDGE, _MOST_SAMPLES = 3, 600
+# Largest cosine between an edge that lies on a face and the normal of the face.
+_PARALLEL = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +38,15 @@ class Contact:
     fact
         Fact that holds while the supporting body is there; None if it is permanent.
     polygons
-        Contact areas, seen from above [m].
+        Level contact areas, seen from above [m].
+    pushes
+        Points and unit vectors along which the body is pushed there, if no level faces bear it.
     """
 
     body: str
     fact: str | None
     polygons: tuple[Polygon, ...]
+    pushes: tuple[tuple[Point, Point], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -44,15 +57,23 @@ class Supports:
     ----------
     centre
         Centre of mass, seen from above [m].
+    height_m
+        Height of the centre of mass [m].
+    reach_m
+        Largest extent of the body [m].
     """
 
     body: str
     centre: Planar
     contacts: tuple[Contact, ...]
+    height_m: float = 0.0
+    reach_m: float = 1.0
     _known: dict[tuple[bool, ...], bool] = field(default_factory=dict, compare=False, repr=False)
 
     def hold(self, there: Sequence[bool]) -> bool:
-        """Return whether the centre of mass is above the hull of the present contacts.
+        """Return whether the present contacts keep the body in place.
+
+        The centre of mass is above the hull of level contacts, or contact forces balance it.
 
         Parameters
         ----------
@@ -68,10 +89,22 @@ class Supports:
                 for polygon in contact.polygons
                 for corner in polygon
             ]
-            self._known[key] = bool(corners) and _is_within(
-                self.centre, compute_planar_hull(corners)
-            )
+            level = bool(corners) and _is_within(self.centre, compute_planar_hull(corners))
+            self._known[key] = level or self._is_balanced(key)
         return self._known[key]
+
+    def _is_balanced(self, there: Sequence[bool]) -> bool:
+        pushes = [
+            push
+            for contact, holds in zip(self.contacts, there, strict=True)
+            if holds
+            for push in contact.pushes
+        ]
+        if not pushes:
+            return False
+        points, normals = (np.array(column) for column in zip(*pushes, strict=True))
+        centre = np.array([*self.centre, self.height_m])
+        return stays_balanced(points - centre, normals, _UP, self.reach_m)
 
 
 def find_supports(
@@ -91,10 +124,9 @@ def find_supports(
     """
     feet = [level for piece in pieces for level in _iterate_levels(piece, -1, tolerance_m)]
     heights_m = [height_m for height_m, _ in feet]
+    others = tuple(obstacle for obstacle in obstacles if obstacle.body != body)
     contacts = []
-    for obstacle in obstacles if feet else ():
-        if obstacle.body == body:
-            continue
+    for obstacle in others if feet else ():
         polygons = tuple(
             common
             for piece in obstacle.pieces
@@ -105,7 +137,116 @@ def find_supports(
         )
         if polygons:
             contacts.append(Contact(obstacle.body, obstacle.fact, polygons))
-    return Supports(body, _compute_centre(pieces), tuple(contacts))
+    x, y, z = _compute_centre(pieces)
+    level = Supports(body, (x, y), tuple(contacts))
+    if level.hold([True] * len(contacts)):
+        return level
+    polygons_of = {(contact.body, contact.fact): contact.polygons for contact in contacts}
+    leaning = []
+    for obstacle in others:
+        pushes = tuple(_find_pushes(pieces, obstacle.pieces, tolerance_m))
+        polygons = polygons_of.get((obstacle.body, obstacle.fact), ())
+        if pushes or polygons:
+            leaning.append(Contact(obstacle.body, obstacle.fact, polygons, pushes))
+    if not any(push[1][2] > BEARS for contact in leaning for push in contact.pushes):
+        return level
+    reach_m = max(
+        max(piece.high[axis] for piece in pieces) - min(piece.low[axis] for piece in pieces)
+        for axis in range(3)
+    )
+    balanced = Supports(body, (x, y), tuple(leaning), z, reach_m)
+    return balanced if balanced.hold([True] * len(leaning)) else level
+
+
+def _find_pushes(
+    pieces: Sequence[ConvexPiece], others: Sequence[ConvexPiece], tolerance_m: float
+) -> list[tuple[Point, Point]]:
+    """Return a few points at which others push some pieces, with the unit vectors of the pushes."""
+    points: list[Array] = []
+    normals: list[Array] = []
+    for piece in pieces:
+        for other in others:
+            if not may_touch(piece, other, -2 * tolerance_m):
+                continue
+            low = np.maximum(piece.low, other.low) - tolerance_m
+            high = np.minimum(piece.high, other.high) + tolerance_m
+            for body, face, sign in ((piece, other, 1.0), (other, piece, -1.0)):
+                there, normal = _find_touching(body, face, low, high, tolerance_m)
+                points.append(there)
+                normals.append(sign * normal)
+    if not points:
+        return []
+    everywhere, directions = np.concatenate(points), np.concatenate(normals)
+    chosen = select_spread(everywhere, directions)
+    pairs = zip(everywhere[chosen].tolist(), directions[chosen].tolist(), strict=True)
+    return [((a[0], a[1], a[2]), (b[0], b[1], b[2])) for a, b in pairs]
+
+
+def _find_touching(
+    body: ConvexPiece, face: ConvexPiece, low: Array, high: Array, tolerance_m: float
+) -> tuple[Array, Array]:
+    """Return points on edges of a body that lie on faces of another, and the faces' normals.
+
+    Parameters
+    ----------
+    low, high
+        Corners of the box in which both may touch [m].
+    """
+    points, along = _sample_edges(body, low, high)
+    corners, triangles = face.surface
+    places = corners[triangles]
+    near = (places.max(axis=1) >= low).all(axis=1) & (places.min(axis=1) <= high).all(axis=1)
+    places = places[near]
+    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    places, normals = places[lengths > 0], normals[lengths > 0] / lengths[lengths > 0, None]
+    there: list[Array] = []
+    pushed: list[Array] = []
+    for point, direction in zip(points, along, strict=True):
+        heights = np.einsum("ij,ij->i", point - places[:, 0], normals)
+        # An edge that passes through a face does not touch it.
+        tests = [np.abs(heights) <= tolerance_m, np.abs(normals @ direction) < _PARALLEL]
+        for k in range(3):
+            side = places[:, (k + 1) % 3] - places[:, k]
+            inwards: Array = np.cross(normals, side)
+            widths = np.maximum(np.linalg.norm(inwards, axis=1), 1e-30)
+            beside = np.einsum("ij,ij->i", point - places[:, k], inwards) / widths
+            tests.append(beside >= -tolerance_m)
+        over = np.logical_and.reduce(tests)
+        if over.any():
+            number = int(np.argmin(np.where(over, np.abs(heights), np.inf)))
+            there.append(point)
+            pushed.append(normals[number])
+    return np.array(there).reshape(-1, 3), np.array(pushed).reshape(-1, 3)
+
+
+def _sample_edges(body: ConvexPiece, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return points on the edges of a surface within a box, and directions; corners have none."""
+    corners, triangles = body.surface
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    sides = np.unique(sides, axis=0)
+    start, along = corners[sides[:, 0]], corners[sides[:, 1]] - corners[sides[:, 0]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bounds = np.stack([(low - start) / along, (high - start) / along])
+    still = np.abs(along) < 1e-12
+    inside = (start >= low) & (start <= high)
+    first = np.where(still, np.where(inside, 0.0, np.inf), bounds.min(axis=0)).max(axis=1)
+    last = np.where(still, np.where(inside, 1.0, -np.inf), bounds.max(axis=0)).min(axis=1)
+    first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
+    crosses = first <= last
+    start, along, first, last = start[crosses], along[crosses], first[crosses], last[crosses]
+    shares = first[:, None] + np.linspace(0.0, 1.0, _PER_EDGE) * (last - first)[:, None]
+    inner = (start[:, None] + shares[..., None] * along[:, None]).reshape(-1, 3)
+    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-30)
+    directions = np.repeat(along / lengths[:, None], _PER_EDGE, axis=0)
+    boxed = (corners >= low).all(axis=1) & (corners <= high).all(axis=1)
+    ends = corners[boxed]
+    points = np.concatenate([ends, inner])
+    directions = np.concatenate([np.zeros_like(ends), directions])
+    _, first_of = np.unique(np.round(points, 7), axis=0, return_index=True)
+    points, directions = points[first_of], directions[first_of]
+    step = max(1, math.ceil(len(points) / _MOST_SAMPLES))
+    return points[::step], directions[::step]
 
 
 def compute_planar_hull(points: Iterable[Planar]) -> Polygon:
@@ -180,14 +321,15 @@ def _find_face(piece: ConvexPiece, height_m: float, tolerance_m: float) -> Polyg
     )
 
 
-def _compute_centre(pieces: Iterable[ConvexPiece]) -> Planar:
-    total = x = y = 0.0
+def _compute_centre(pieces: Iterable[ConvexPiece]) -> Point:
+    total = x = y = z = 0.0
     for piece in pieces:
         volume, middle = float(piece.hull.computeVolume()), piece.hull.computeCOM()
         total += volume
         x += volume * float(middle[0])
         y += volume * float(middle[1])
-    return (x / total, y / total)
+        z += volume * float(middle[2])
+    return (x / total, y / total, z / total)
 
 
 def _is_within(point: Planar, polygon: Polygon) -> bool:

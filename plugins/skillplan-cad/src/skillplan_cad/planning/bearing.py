@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.planning.equilibrium import Equilibrium
 from skillplan_cad.planning.precedence import encode_set, list_members
-from skillplan_cad.planning.stability import find_axes_across, is_over
+from skillplan_cad.planning.stability import is_over
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Contact, LeftOut, Relation
 

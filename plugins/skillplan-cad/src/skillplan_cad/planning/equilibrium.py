@@ -1,9 +1,7 @@
-"""Decide whether a released part stays in place: contact forces against its weight.
+"""Decide whether a released part stays in place, by the contacts of the true meshes.
 
-A part stays if forces at its contacts balance its weight, and a small sideways push in any
-direction (Mason: Mechanics of Robotic Manipulation, chapter 5). Forces push only. Faces that bear
-weight have friction. Upright walls have none: whether a clamped wall carries anything depends on a
-preload that CAD does not state, so a pin that nothing bears falls through its hole.
+`skillplan.collision.stays_balanced` has the forces. Here contacts get their points and normals:
+those of the surfaces that CAD states, not of their chords.
 """
 
 from __future__ import annotations
@@ -13,18 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.collision.contact_forces import BEARS, select_spread, stays_balanced
 from skillplan_cad.planning.precedence import encode_set
-from skillplan_cad.planning.stability import FRICTION, find_axes_across, minimize_help
 from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.relation import Contact, Relation
 
 Array = NDArray[np.float64]
 
 _NEAR_M = 2e-4
-_BEARS = 0.1  # cosine between a normal and up from which a face bears weight
-_PUSH = 0.02  # sideways push, as a share of the weight
-_HELP = 2e-3  # share of the weight that the program may miss
-_MOST_POINTS = 12
 _ROUND = ("cylinder", "cone", "sphere", "torus")
 
 
@@ -82,7 +76,7 @@ class Equilibrium:
         return [
             touching.other
             for touching in self._touching[part]
-            if others >> touching.other & 1 and (touching.normals @ np.asarray(up) > _BEARS).any()
+            if others >> touching.other & 1 and (touching.normals @ np.asarray(up) > BEARS).any()
         ]
 
     def _has_forces(self, part: int, others: int, up: Array, foot_m: Array | None) -> bool:
@@ -90,36 +84,16 @@ class Equilibrium:
         normals = [t.normals for t in self._touching[part] if others >> t.other & 1]
         if foot_m is not None and len(foot_m):
             upwards = np.tile(up, (len(foot_m), 1))
-            chosen = _select_spread(foot_m, upwards)
+            chosen = select_spread(foot_m, upwards)
             points.append(foot_m[chosen])
             normals.append(upwards[chosen])
-        if not any((normal @ up > _BEARS).any() for normal in normals):
+        if not points:
             return False
-        across = find_axes_across((float(up[0]), float(up[1]), float(up[2])))
         centre = np.asarray(self._parts[part].centre_m)
-        forces = _span_forces(np.concatenate(points) - centre, np.concatenate(normals), up)
-        columns = [list(enumerate(force)) for force in forces.tolist()]
         reach_m = float(np.ptp(self._parts[part].vertices_m, axis=0).max())
-        scale = np.array([1.0] * 3 + [reach_m] * 3)
-        for push in (across[0], -across[0], across[1], -across[1]):
-            loads = np.concatenate([up + _PUSH * push, np.zeros(3)])
-            help_values = minimize_help(columns, loads, scale)
-            if help_values is None or float(help_values.sum()) > _HELP:
-                return False
-        return True
-
-
-def _span_forces(offsets_m: Array, normals: Array, up: Array) -> Array:
-    """Return forces and torques that span those of the contacts, shape (forces, 6)."""
-    bears = normals @ up > _BEARS
-    forces, points = [normals[~bears]], [offsets_m[~bears]]
-    for normal, offset in zip(normals[bears], offsets_m[bears], strict=True):
-        across = find_axes_across((float(normal[0]), float(normal[1]), float(normal[2])))
-        sides = FRICTION * np.concatenate([across, -across])
-        forces.append(normal + sides)
-        points.append(np.tile(offset, (4, 1)))
-    force, point = np.concatenate(forces), np.concatenate(points)
-    return np.hstack([force, np.cross(point, force)])
+        return stays_balanced(
+            np.concatenate(points) - centre, np.concatenate(normals), tuple(up.tolist()), reach_m
+        )
 
 
 def _find_pushes(contact: Contact, first: Part, second: Part) -> tuple[Array, Array]:
@@ -149,7 +123,7 @@ def _find_pushes(contact: Contact, first: Part, second: Part) -> tuple[Array, Ar
             point, normal = moved, level
         points.append(point)
         normals.append(normal)
-    chosen = _select_spread(np.array(points).reshape(-1, 3), np.array(normals).reshape(-1, 3))
+    chosen = select_spread(np.array(points).reshape(-1, 3), np.array(normals).reshape(-1, 3))
     return np.array(points).reshape(-1, 3)[chosen], np.array(normals).reshape(-1, 3)[chosen]
 
 
@@ -225,20 +199,6 @@ def _move_to_tangent(point: Array, normal: Array, face: Face) -> Array | None:
     if face.kind == "sphere":
         return np.asarray(point - beside)
     axis = np.asarray(face.axis)
-    if face.kind == "cylinder" and abs(float(axis @ normal)) < _BEARS:
+    if face.kind == "cylinder" and abs(float(axis @ normal)) < BEARS:
         return np.asarray(point - (beside - (beside @ axis) * axis))
     return None
-
-
-def _select_spread(points: Array, normals: Array) -> list[int]:
-    """Return the numbers of a few points that are far apart, or pushed in other directions."""
-    if len(points) <= _MOST_POINTS:
-        return list(range(len(points)))
-    extent = max(float(np.ptp(points, axis=0).max()), 1e-9)
-    keys = np.hstack([points / extent, normals])
-    chosen = [int(np.argmax(np.linalg.norm(keys - keys.mean(axis=0), axis=1)))]
-    gaps = np.linalg.norm(keys - keys[chosen[0]], axis=1)
-    while len(chosen) < _MOST_POINTS:
-        chosen.append(int(np.argmax(gaps)))
-        gaps = np.minimum(gaps, np.linalg.norm(keys - keys[chosen[-1]], axis=1))
-    return sorted(set(chosen))

@@ -8,76 +8,17 @@ table also needs its centre of mass above its support.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
-import highspy
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from skillplan.collision.contact_forces import FRICTION, find_axes_across, minimize_help
 from skillplan_cad.planning.precedence import list_members
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Contact, Relation
 
 Array = NDArray[np.float64]
-Column = Sequence[tuple[int, float]]
-
-_FAR = 1e6
-_PER_FORCE = 1e-9
-_SETTLED = highspy.HighsModelStatus.kOptimal
-
-
-def minimize_help(columns: Sequence[Column], loads: Array, scale: Array) -> Array | None:
-    """Return the smallest help that each row needs; None if the program has no solution.
-
-    Parameters
-    ----------
-    columns
-        Rows that each force acts on, with coefficients; forces are >= 0.
-    wanted
-        Required sum of forces and help, shape (rows,).
-    scale
-        Effect of a help of 1 on each row, in either direction, shape (rows,).
-
-    Returns
-    -------
-    numpy.ndarray or None
-        Shares of the scale, shape (rows,) [-].
-    """
-    rows, forces = len(loads), len(columns)
-    helps = np.arange(rows)
-    counts = [len(column) for column in columns]
-    program = highspy.HighsLp()
-    program.num_row_, program.num_col_ = rows, forces + 2 * rows
-    program.col_cost_ = np.concatenate([np.full(forces, _PER_FORCE), np.ones(2 * rows)])
-    program.col_lower_, program.col_upper_ = (
-        np.zeros(forces + 2 * rows),
-        np.full(forces + 2 * rows, _FAR),
-    )
-    program.row_lower_ = program.row_upper_ = loads
-    matrix = program.a_matrix_
-    matrix.format_ = highspy.MatrixFormat.kColwise
-    matrix.start_ = np.cumsum([0, *counts, *[1] * (2 * rows)])
-    matrix.index_ = np.concatenate([[row for column in columns for row, _ in column], helps, helps])
-    matrix.value_ = np.concatenate([[by for column in columns for _, by in column], scale, -scale])
-    highs = highspy.Highs()
-    for key, value in (
-        ("output_flag", False),
-        ("threads", 1),
-        ("random_seed", 0),
-        ("presolve", "off"),
-        ("solver", "simplex"),
-    ):
-        highs.setOptionValue(key, value)
-    highs.passModel(program)
-    highs.run()
-    if highs.getModelStatus() != _SETTLED:
-        return None
-    help_values = np.array(highs.getSolution().col_value[forces:])
-    return np.asarray(help_values.reshape(2, rows).sum(axis=0))
-
-
-FRICTION = 0.3
 _MOST_POINTS = 8
 _GROUND_M = 5e-4  # height above the lowest point that still touches the ground
 _TIPPING_M = 1e-4
@@ -266,16 +207,6 @@ def _select_spread(points: Array) -> Array:
         chosen.append(int(np.argmax(distances)))
         distances = np.minimum(distances, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return points[sorted(set(chosen))]
-
-
-@lru_cache(maxsize=1024)
-def find_axes_across(up: Vector) -> Array:
-    """Return two unit vectors that form a right-handed frame with a third."""
-    along = np.asarray(up)
-    smallest = np.eye(3)[int(np.argmin(np.abs(along)))]
-    first = np.cross(along, smallest)
-    first = first / np.linalg.norm(first)
-    return np.stack([first, np.cross(along, first)])
 
 
 def _find_outline(corners: Array) -> Array | None:
