@@ -333,6 +333,7 @@ class TestOcctApart:
 
     def test_a_shape_that_stops_it_is_left_out_and_the_others_are_read(self, monkeypatch):
         """Whether OCCT crashes on it, or takes too much; it starts again without it."""
+        everything = product("bracket")
 
         def stop(path, prepare, content, limits, report):
             if 1 not in content[3]:
@@ -341,7 +342,6 @@ class TestOcctApart:
 
         monkeypatch.setattr(step_file, "read_in_process", stop)
         whole = read_product(file("bracket"), ReadOptions())
-        everything = product("bracket")
         (missing,) = {part.shape for part in everything} - {
             everything.parts[everything.index(part.name)].shape for part in whole
         }
