@@ -60,6 +60,25 @@ class Placement:
     solid: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A fit that the shapes of a body leave more room than is drawn.
+
+    Parameters
+    ----------
+    into
+        Name of the body that it goes in beside.
+    drawn_m
+        Clearance of the drawing, on each side [m]; negative for interference.
+    play_m
+        Clearance that the shapes leave, on each side [m].
+    """
+
+    into: str
+    drawn_m: float
+    play_m: float
+
+
 @dataclass(frozen=True)
 class Body:
     """A rigid body made of boxes, cylinders and meshes.
@@ -77,8 +96,10 @@ class Body:
     grasps
         Possible grasps, the preferred first.
     surfaces
-        The exact shapes, if one of them is not convex and `shapes` holds its convex pieces; else
-        empty.
+        The exact shapes, if one of them is not convex and `shapes` holds its convex pieces, or if
+        `shapes` leave room in fits; else empty.
+    fits
+        Fits that `shapes` leave more room than the exact shapes.
     """
 
     name: str
@@ -87,6 +108,7 @@ class Body:
     mass_kg: float
     grasps: tuple[Grasp, ...] = ()
     surfaces: tuple[Shape, ...] = ()
+    fits: tuple[Fit, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.shapes:

@@ -24,6 +24,7 @@ from skillplan_simulation.kinematics import (
     TipPose,
     compute_rotation_left,
     get_kinematics,
+    is_balanced,
     make_unreachable_error,
     points_down,
     resolve_acceleration,
@@ -338,7 +339,7 @@ class SimulatedArm:
     def _load(self) -> Vector:
         """Return the force [N] and moment [N m] that bear the payload and press, shape (6,).
 
-        Under a hand that points down, the moment of the payload is neglected.
+        Under a hand that points down, a small moment of the payload is neglected.
         """
         assert self.setpoint is not None
         load = np.zeros(6)
@@ -346,13 +347,13 @@ class SimulatedArm:
         if not self.setpoint.tracks_joints:
             # A travel does not press.
             load[:3] += self.press_n
-        if points_down(self.setpoint.rotation):
-            return load
         for name in self.bears:
             x_m, y_m, _ = (self.world.centre(name) - self._tip_at).tolist()
             weight_n = self.world.mass_kg(name) * GRAVITY_M_PER_S2
             load[3] += y_m * weight_n
             load[4] -= x_m * weight_n
+        if points_down(self.setpoint.rotation) and is_balanced(load[3:]):
+            load[3:] = 0.0
         return load
 
     def _move_jaws(self) -> None:

@@ -45,7 +45,7 @@ from skillplan_pinocchio.swept_motion import (
     SweptMotionBuilder,
     VerdictInState,
 )
-from skillplan_pinocchio.tight_fits import find_tight_fits
+from skillplan_pinocchio.tight_fits import describe_assumed_play, find_tight_fits
 from skillplan_pinocchio.timing.kinematic_run import KinematicRun
 from skillplan_pinocchio.timing.skill_times import LeastTimes, SkillTimes
 from skillplan_pinocchio.timing.trajectory import JointLimits
@@ -272,8 +272,10 @@ class SweptDetector(Detector):
         return {} if self.refuses() is not None else find_tight_fits(self.task, as_pieces=True)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return limits missing in the arm's description; see :meth:`BackEnd.not_checked`."""
-        return () if self.refuses() is not None else self._robot.model.not_checked
+        """Return limits that the arm's description lacks, and the play that fits are given."""
+        if self.refuses() is not None:
+            return ()
+        return (*self._robot.model.not_checked, *describe_assumed_play(self.task.scene.bodies))
 
     def check(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on the motion of `skill`; see :meth:`BackEnd.check`."""

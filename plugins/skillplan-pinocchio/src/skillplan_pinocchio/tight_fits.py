@@ -6,14 +6,17 @@ clearance of a fit, a skill is refused that the meshes allow.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations
+from typing import Any
+
+import numpy as np
 
 from skillplan.collision.solid import Solid
 from skillplan.task.motion import Event, Point
-from skillplan.task.pose import DOWN
+from skillplan.task.pose import DOWN, Pose
 from skillplan.task.scene import WORLD, Body, Placement
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -119,6 +122,32 @@ def _write_messages(fits: Sequence[TightFit], effect: str) -> dict[str, str]:
     return messages
 
 
+# Number of fits that a sentence names.
+_SHOWN = 4
+
+
+def describe_assumed_play(bodies: Iterable[Body]) -> tuple[str, ...]:
+    """Return a sentence on the fits that shapes of bodies leave more room than is drawn."""
+    fits = sorted(
+        (fit.drawn_m, body.name, fit.into)
+        for body in bodies
+        for fit in body.fits
+        if fit.play_m > fit.drawn_m
+    )
+    if not fits:
+        return ()
+    play_m = max(fit.play_m for body in bodies for fit in body.fits if fit.play_m > fit.drawn_m)
+    named = [
+        f"{name} in {into} (drawn {drawn_m * 1e3:.3g} mm)" for drawn_m, name, into in fits[:_SHOWN]
+    ]
+    more = len(fits) - len(named)
+    others = f" and {more} more" if more > 0 else ""
+    return (
+        f"fits with less than {play_m * 1e3:.3g} mm of clearance on each side: the parts go in "
+        f"with that much, and with chamfers: {', '.join(named)}{others}",
+    )
+
+
 def measure_fits(task: Task, *, as_pieces: bool) -> list[list[TightFit]]:
     """Return the fits of every pair of near parts, for each order and direction of insertion.
 
@@ -179,6 +208,69 @@ class _Placed:
                 self.low, self.high, other.low, other.high, strict=True
             )
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Insertion:
+    """The last stretch of a move, on which one part lies beside another.
+
+    Parameters
+    ----------
+    length_m
+        Length of the stretch [m], > 0.
+    clearance_m
+        Minimum distance between the moving part's pieces and the other's mesh on it [m], at most
+        1 mm; negative for the depth of their overlap.
+    """
+
+    length_m: float
+    clearance_m: float
+
+
+def measure_insertion(
+    mover: Body, seat: Pose, other: Body, other_pose: Pose, along: Point
+) -> Insertion | None:
+    """Return the insertion of a part beside another, or None if it only comes to lie on it.
+
+    Parameters
+    ----------
+    seat
+        Final pose of the moving part.
+    along
+        Unit vector of the move.
+    """
+    moving, standing = make_pieces(mover, seat), make_standing_pieces(other, other_pose)
+    length_m = _measure_overlap_m(moving, standing, along)
+    if length_m <= _ROUNDING_M:
+        return None
+    back = _scale(along, -length_m)
+    raised = _scale(along, -min(_OFF_SEAT_M, length_m / 2))
+    swept = [ConvexPiece(piece.corners + np.array(raised)).swept(back) for piece in moving]
+    return Insertion(length_m, _measure_distance_m(swept, standing))
+
+
+def _measure_overlap_m(
+    moving: Sequence[ConvexPiece], standing: Sequence[ConvexPiece], along: Point
+) -> float:
+    """Return how far bodies overlap along a direction [m]; 0 if boxes are clear of each other."""
+    lows, highs = _bound(moving)
+    other_lows, other_highs = _bound(standing)
+    direction = np.array(along)
+    across = np.abs(direction) < 1 - _ROUNDING_M
+    apart = (lows > other_highs + _OFF_SEAT_M) | (other_lows > highs + _OFF_SEAT_M)
+    if (apart & across).any():
+        return 0.0
+    ahead_m = max(float((piece.corners @ direction).max()) for piece in moving)
+    begin_m = min(float((piece.corners @ direction).min()) for piece in standing)
+    return max(0.0, ahead_m - begin_m)
+
+
+def _bound(pieces: Sequence[ConvexPiece]) -> tuple[Any, Any]:
+    """Return the lower and upper corners of a box about pieces [m], shape (3,)."""
+    return (
+        np.min([piece.low for piece in pieces], axis=0),
+        np.max([piece.high for piece in pieces], axis=0),
+    )
 
 
 def _measure_pair(mover: _Placed, other: _Placed, *, as_pieces: bool) -> Iterator[TightFit]:

@@ -26,6 +26,7 @@ from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import (
     TipPose,
     get_kinematics,
+    is_balanced,
     make_unreachable_error,
     points_down,
 )
@@ -280,17 +281,19 @@ class SimulatedArm:
     def _lift(self) -> tuple[Vector, Vector]:
         """Return the force [N] and the moment about the tip [N m] that bear the payload.
 
-        Under a hand that points down, the moment is neglected.
+        Under a hand that points down, a small moment is neglected.
         """
         assert self.setpoint is not None
         lift_n = np.array([0.0, 0.0, self.payload_kg * GRAVITY_M_PER_S2])
         moment_nm = np.zeros(3)
-        if points_down(self.setpoint.rotation):
+        if not self.bears:
             return lift_n, moment_nm
         tip = self.tip().position
         for name in self.bears:
             weight_n = np.array([0.0, 0.0, self.world.mass_kg(name) * GRAVITY_M_PER_S2])
             moment_nm += np.cross(self.world.centre(name) - tip, weight_n)
+        if points_down(self.setpoint.rotation) and is_balanced(moment_nm):
+            return lift_n, np.zeros(3)
         return lift_n, moment_nm
 
     def grip_friction(self, friction: float) -> tuple[float, float]:

@@ -29,6 +29,15 @@ Vector = NDArray[np.float64]
 _DOWN = 1e-9
 
 
+# Moment of a payload that tilts no hand by much [N m].
+_BALANCED_NM = 0.05
+
+
+def is_balanced(moment_nm: Vector) -> bool:
+    """Return whether the moment of a payload is small enough to be neglected."""
+    return float(np.abs(moment_nm).max()) < _BALANCED_NM
+
+
 def points_down(rotation: Vector) -> bool:
     """Return whether a hand points straight down."""
     return bool(rotation[2, 2] <= _DOWN - 1.0)

@@ -35,6 +35,26 @@ class PosturePath(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class PathSection:
+    """A section of a joint path, from one share of it to another."""
+
+    path: PosturePath
+    begin: float
+    end: float
+
+    def at(self, place: float) -> Vector:
+        """Return the joint angles [rad] at a share of the section, shape (joints,)."""
+        return self.path.at(self.begin + place * (self.end - self.begin))
+
+    def at_each(self, places: Sequence[float]) -> tuple[Vector, Vector, Vector]:
+        """Return joint angles [rad], first and second derivatives; see `PosturePath`."""
+        share = self.end - self.begin
+        shares = [self.begin + place * share for place in places]
+        joints, slopes, bends = self.path.at_each(shares)
+        return joints, share * slopes, share**2 * bends
+
+
+@dataclass(frozen=True, slots=True)
 class JointRates:
     """Target speeds and accelerations of joints.
 

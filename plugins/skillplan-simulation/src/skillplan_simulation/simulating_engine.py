@@ -21,7 +21,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.tight_fits import find_blocked_fits, find_tight_fits
+from skillplan_pinocchio.tight_fits import describe_assumed_play, find_blocked_fits, find_tight_fits
 from skillplan_simulation.execution.plan_execution import (
     Observers,
     Rules,
@@ -157,8 +157,11 @@ class SimulatingEngine(Engine):
         return find_tight_fits(self.task, as_pieces=not self.stands_exact)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return limits missing in the arm's description; see :meth:`BackEnd.not_checked`."""
-        return () if self.refuses() is not None else self.task.scene.robots[0].model.not_checked
+        """Return limits that the arm's description lacks, and the play that fits are given."""
+        if self.refuses() is not None:
+            return ()
+        scene = self.task.scene
+        return (*scene.robots[0].model.not_checked, *describe_assumed_play(scene.bodies))
 
     def record(self, skill: Skill, state: State) -> Record:
         """Return the execution of a skill, shared by all back ends with the same query."""

@@ -194,6 +194,7 @@ def command(
         {option: str(path) for option, path in files.items() if path is not None},
         obstacle,
         planned,
+        engine.not_checked(),
     )
     good = simulation.feasible and simulation.complete and not stopped
     emit(style, simulation.document(), tabulate_simulation(simulation), failed=not good)

@@ -91,7 +91,7 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
 
 
 def _check_supports(config: AssemblyConfig, name: str) -> Iterator[Issue]:
-    """Yield unknown, repeated and circular names of the supports of a part."""
+    """Yield unknown, repeated and circular names of the supports and fits of a part."""
     part = config.parts[name]
     for key, named in (("start_on", part.start_on), ("goal_on", part.goal_on)):
         names = [named] if isinstance(named, str) else named or []
@@ -103,6 +103,10 @@ def _check_supports(config: AssemblyConfig, name: str) -> Iterator[Issue]:
                 yield Issue(f"{name!r} cannot lie on itself. Name another part.", path)
             elif other in names[:index]:
                 yield Issue(f"{other!r} stands twice. Keep one.", path)
+    for other in part.fits or ():
+        if other == name or other not in (*config.parts, *config.screws):
+            hint = name_hint(other, [*config.parts, *config.screws])
+            yield Issue(f"unknown part {other!r}. {hint}", ("parts", name, "fits", other))
 
 
 def _check_cycles(config: AssemblyConfig) -> Iterator[Issue]:

@@ -23,7 +23,16 @@ from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME,
 from skillplan.task.cost import DistanceCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
-from skillplan.task.scene import STANDARD_CUP_M, Body, Placement, Pose, Robot, Scene, Tool
+from skillplan.task.scene import (
+    STANDARD_CUP_M,
+    Body,
+    Fit,
+    Placement,
+    Pose,
+    Robot,
+    Scene,
+    Tool,
+)
 from skillplan.task.shape import Box, Cylinder
 from skillplan.task.skill import Outcome, Skill, Way
 from skillplan.task.state import Condition, Facts
@@ -427,6 +436,7 @@ def _build_part(config: AssemblyConfig, name: str) -> Body:
         part.mass_kg,
         list_grasps(config, name),
         () if convex == shapes else shapes,
+        tuple(Fit(into, fit.drawn_m, fit.play_m) for into, fit in (part.fits or {}).items()),
     )
 
 

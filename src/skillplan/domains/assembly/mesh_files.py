@@ -623,8 +623,9 @@ def _check_size(size: Floats, scale: float) -> None:
 MAX_PIECES = 512
 """Greatest number of convex pieces of a polyhedron."""
 
-# Tolerance of the bounding box of the pieces, as a share of the greatest extent.
-_PIECES_OFF = 1e-3
+# Tolerance of the bounding box of the pieces, as a share of the greatest extent. Pieces with play
+# may be smaller, by a length [m] or a share.
+_PIECES_OFF, _PIECES_SHORT_M, _PIECES_SHORT = 1e-3, 5e-4, 0.1
 
 
 def read_pieces(
@@ -673,8 +674,9 @@ def _parse_pieces(
             raise MeshFileError(f"Piece {number} is not convex; cut it further.", "pieces")
         pieces.append(piece)
     points = np.concatenate([piece.corners for piece in pieces])
-    off = np.abs(np.ptp(points, axis=0) - np.array(size)).max()
-    off = max(float(off), float(np.abs(points.max(axis=0) + points.min(axis=0)).max()))
+    half, short_m = np.array(size) / 2, min(_PIECES_SHORT_M, _PIECES_SHORT * max(size))
+    beyond = np.concatenate([points.max(axis=0) - half, -half - points.min(axis=0)])
+    off = float(np.where(beyond < 0, np.maximum(-beyond - short_m, 0.0), beyond).max())
     if off > _PIECES_OFF * max(size):
         raise MeshFileError(
             f"The box about all pieces is {off * 1e3:.3g} mm off that about the mesh; give pieces "

@@ -134,7 +134,7 @@ def _list_concave_meshes(
 ) -> Iterator[tuple[str, int, Mesh, tuple[Mesh, ...]]]:
     for name, part in config.parts.items():
         for index, mesh in enumerate(part.meshes or ()):
-            if not mesh.convex:
+            if not mesh.convex or (part.fits and mesh.given_pieces):
                 yield name, index, mesh.shape, mesh.given_pieces
 
 

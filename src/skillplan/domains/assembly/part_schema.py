@@ -189,6 +189,20 @@ class MeshConfig(Strict):
         return self._sha256
 
 
+class FitConfig(Strict):
+    """A fit that the pieces of a part leave more room than is drawn."""
+
+    drawn_m: Annotated[float, Field(ge=-0.1, le=0.1)] = Field(
+        description="clearance of the drawing, on each side [m]; negative for interference"
+    )
+    play_m: Annotated[float, Field(ge=0, le=0.1)] = Field(
+        description="clearance that the pieces leave, on each side, without their excess [m]"
+    )
+    outside_m: Annotated[float, Field(ge=0, le=0.1)] = Field(
+        0.0, description="greatest excess of the pieces of both over the walls of their holes [m]"
+    )
+
+
 class PartConfig(Strict):
     """A part: shape, start and goal."""
 
@@ -261,6 +275,12 @@ class PartConfig(Strict):
         "world",
         description="the frame of insert_along: the world's, or that of the part at its goal",
     )
+    fits: dict[Name, FitConfig] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="parts that it goes in beside, by name; swept and engines then use its pieces "
+        "even if its meshes are convex, and state the play that they assume",
+    )
     durations_s: PartDurations | None = Field(
         None,
         exclude_if=is_absent,
@@ -323,14 +343,15 @@ class PartConfig(Strict):
         NoPieces
             If no installed plugin decomposes such a mesh.
         """
-        if all(mesh.convex for mesh in self.meshes or ()):
+        meshes = self.meshes or ()
+        if all(mesh.convex and not (self.fits and mesh.given_pieces) for mesh in meshes):
             return self.shapes
         # Imports numpy, which most boards do not need.
         from skillplan.collision.decomposition import decompose
 
         shapes: list[Shape] = []
-        for mesh in self.meshes or ():
-            if mesh.convex:
+        for mesh in meshes:
+            if mesh.convex and not (self.fits and mesh.given_pieces):
                 shapes.append(mesh.shape)
             else:
                 shapes += mesh.given_pieces or decompose(mesh.shape).pieces

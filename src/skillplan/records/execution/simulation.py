@@ -215,6 +215,8 @@ class Simulation:
         Precondition that stops the plan, if any.
     planned
         Planned times, if known.
+    not_checked
+        Sentences of the engine about what it did not simulate.
     """
 
     task: Task
@@ -226,6 +228,7 @@ class Simulation:
     files: Mapping[str, str] | None = None
     obstacle: str | None = None
     planned: PlannedTimes | None = None
+    not_checked: Sequence[str] = ()
 
     @property
     def feasible(self) -> bool:
@@ -302,6 +305,7 @@ class Simulation:
             "largest_offset_mm": self.largest_mm,
             "largest_tilt_deg": self.largest_deg,
             "figures": dict(performance.figures),
+            "not_checked": list(self.not_checked),
             "files": dict(self.files or {}),
         }
 

@@ -18,6 +18,7 @@ from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trials import CHART, DetectorTrials
 from skillplan.trials.engine_agreement import EngineAgreement
 from skillplan.trials.fault_injection import Truth
+from skillplan.views.tables.results import describe_unchecked
 from skillplan.views.text.table import Column, Table
 from skillplan.views.text.wording import format_evidence, format_yes_no
 
@@ -247,6 +248,7 @@ def _write_notes(simulation: Simulation) -> list[str]:
     if performance.figures:
         notes.append(f"measured   {format_evidence(performance.figures)}")
     notes += [f"{option:<10} {path}" for option, path in (simulation.files or {}).items()]
+    notes += describe_unchecked(simulation.not_checked)
     return notes
 
 

@@ -28,6 +28,7 @@ from skillplan_cad.reading.product_reader import fits_pattern, read_finer
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
 from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm
+from skillplan_cad.writing.fit_play import PLAY_M
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import WrittenTask, build_task
 from skillplan_cad.writing.top_grasp import Upright
@@ -151,6 +152,17 @@ def build_pieces_document(proved: ProvedPieces, relation: Relation) -> dict[str,
     return {
         "counts": {name: sum(map(len, pieces)) for name, pieces in proved.pieces.items()},
         "cut_back": list(proved.cut_back),
+        "fits": [
+            {
+                "part": fit.part,
+                "into": fit.into,
+                "drawn_mm": _mm(fit.drawn_m),
+                "play_mm": _mm(fit.play_m),
+                "outside_mm": _mm(fit.outside_m),
+            }
+            for fits in proved.fits.values()
+            for fit in fits
+        ],
         "differences": [
             {
                 "part": difference.part,
@@ -245,8 +257,6 @@ _SHOWN = 6
 # Largest number of steps that are printed.
 _MOST_STEPS = 12
 _LEAST_PATTERN = 3
-# Play of a pressed shaft in the written task, on each side: back ends press nothing together [m].
-_ENGINE_PLAY_M = 4e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -307,9 +317,9 @@ def plan_product(path: Path, findings: Findings, settings: ImportSettings) -> Pl
     document["attitude"] = build_attitude_document(bearing)
     warnings += list_attitude_warnings(product, relation, bearing, settings.up)
     contacts = findings.joints.contacts
-    loose = relieve_fits(findings.product, contacts, tolerance_m, _ENGINE_PLAY_M)
+    loose = relieve_fits(findings.product, contacts, tolerance_m, PLAY_M)
     remarks = {
-        thinner.name: f"is written with {_ENGINE_PLAY_M * 1000:g} mm of play in its press "
+        thinner.name: f"is written with {PLAY_M * 1000:g} mm of play in its press "
         "fits, as no back end presses parts together"
         for drawn, thinner in zip(findings.product, loose, strict=True)
         if drawn is not thinner

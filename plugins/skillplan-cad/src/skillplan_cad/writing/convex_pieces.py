@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 Normal = tuple[float, float, float]
 
 MOST_PIECES = 160
+# Additional pieces for each hollow with a shaft, and limit of all.
+_MORE_PIECES, _MOST_OF_ALL = 64, 512
 _TO_MM = 1e3
 # Number of boundary planes of a gap that are tried as cuts.
 _MOST_PLANES = 8
@@ -47,11 +49,18 @@ _ROUND = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hollow:
-    """A round hollow of a solid."""
+    """A round hollow of a solid.
+
+    Parameters
+    ----------
+    allowed_m
+        Allowed excess of a piece on its wall [m]; None if no shaft fits into it.
+    """
 
     point_m: Floats
     axis: Floats
     radius_m: float
+    allowed_m: float | None = None
 
 
 def decompose_convex(
@@ -78,20 +87,21 @@ def decompose_convex(
     waiting: list[tuple[float, int, manifold3d.Manifold, manifold3d.Manifold]] = []
     done: list[manifold3d.Manifold] = []
     numbers = count()
+    most += _MORE_PIECES * sum(hollow.allowed_m is not None for hollow in hollows)
 
     def add(solid: manifold3d.Manifold) -> None:
         for body in solid.decompose():
             if body.volume() < _LEAST_MM3:
                 continue
             hull = body.hull()
-            gap_mm, gap = _find_widest_gap(hull - body)
-            if gap_mm <= allowed_m * _TO_MM:
+            excess, gap = _find_worst_gap(hull - body, allowed_m, hollows)
+            if excess <= 1:
                 done.append(hull)
             else:
-                heapq.heappush(waiting, (-gap_mm, next(numbers), body, gap))
+                heapq.heappush(waiting, (-excess, next(numbers), body, gap))
 
     add(whole)
-    while waiting and len(done) + len(waiting) < most:
+    while waiting and len(done) + len(waiting) < min(most, _MOST_OF_ALL):
         _, _, body, gap = heapq.heappop(waiting)
         halves = _cut(body, gap, hollows)
         if halves is None:
@@ -100,10 +110,27 @@ def decompose_convex(
         for half in halves:
             add(half)
     done += [body.hull() for _, _, body, _ in waiting]
-    return tuple(piece for piece in map(_build_mesh, done) if piece is not None)
+    return tuple(piece for piece in map(build_mesh, done) if piece is not None)
 
 
-def _build_mesh(hull: manifold3d.Manifold) -> tuple[Points, Triangles] | None:
+def measure_excess_m(
+    pieces: Pieces, vertices_m: Points, triangles: Triangles, hollows: Sequence[Hollow]
+) -> float:
+    """Return the greatest width by which pieces stand out of hollows that hold shafts [m]."""
+    fitted = [hollow for hollow in hollows if hollow.allowed_m is not None]
+    if not fitted:
+        return 0.0
+    whole, widest_mm = make_solid(vertices_m, triangles), 0.0
+    for points, _ in pieces:
+        excess = manifold3d.Manifold.hull_points(points * _TO_MM) - whole
+        for gap in excess.decompose():
+            points, _, normals, areas = _list_faces(gap)
+            if _find_wall(points, fitted) is not None:
+                widest_mm = max(widest_mm, _measure_width(gap, points, normals, areas))
+    return widest_mm / _TO_MM
+
+
+def build_mesh(hull: manifold3d.Manifold) -> tuple[Points, Triangles] | None:
     """Return a hull with vertices rounded as in a file, or None if rounding flattens it."""
     mesh64 = hull.to_mesh64()
     points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
@@ -126,22 +153,39 @@ def _list_faces(solid: manifold3d.Manifold) -> tuple[Points, Points, Floats, Flo
     return points, corners, across / np.maximum(lengths, 1e-30)[:, None], lengths / 2
 
 
-def _find_widest_gap(added: manifold3d.Manifold) -> tuple[float, manifold3d.Manifold]:
-    """Return the width of the widest gap between body and hull, and the gap."""
-    widest, where = 0.0, added
+def _find_worst_gap(
+    added: manifold3d.Manifold, allowed_m: float, hollows: Sequence[Hollow]
+) -> tuple[float, manifold3d.Manifold]:
+    """Return the largest width of a gap between body and hull as a share of what is allowed."""
+    worst, where = 0.0, added
+    fitted = [hollow for hollow in hollows if hollow.allowed_m is not None]
     for gap in added.decompose():
         points, _, normals, areas = _list_faces(gap)
-        if 2 * gap.volume() < _FILM_MM * float(areas.sum()):
+        width_m = _measure_width(gap, points, normals, areas) / _TO_MM
+        if width_m <= 0:
             continue
-        large = normals[areas > 1e-3 * areas.max()]
-        # One number per row, in the same order: much faster to compare than rows.
-        numbers = np.round(large * 1000).astype(np.int64) @ _PLACES
-        _, first = np.unique(numbers, return_index=True)
-        heights = points @ large[first].T
-        width = float(np.ptp(heights, axis=0).min())
-        if width > widest:
-            widest, where = width, gap
-    return widest, where
+        wall = _find_wall(points, fitted) if fitted and width_m <= allowed_m else None
+        if wall is not None and wall.hollow.allowed_m is not None:
+            excess = width_m / min(wall.hollow.allowed_m, allowed_m)
+        else:
+            excess = width_m / allowed_m
+        if excess > worst:
+            worst, where = excess, gap
+    return worst, where
+
+
+def _measure_width(
+    gap: manifold3d.Manifold, points: Points, normals: Floats, areas: Floats
+) -> float:
+    """Return the width of a gap across its faces [mm]; 0 for a film."""
+    if 2 * gap.volume() < _FILM_MM * float(areas.sum()):
+        return 0.0
+    large = normals[areas > 1e-3 * areas.max()]
+    # One number per row, in the same order: much faster to compare than rows.
+    numbers = np.round(large * 1000).astype(np.int64) @ _PLACES
+    _, first = np.unique(numbers, return_index=True)
+    heights = points @ large[first].T
+    return float(np.ptp(heights, axis=0).min())
 
 
 def _cut(
@@ -248,6 +292,8 @@ class _Wall:
         square = np.cross(axis, middle)
         angles = np.arctan2(out @ square, out @ middle)
         half = (float(angles.min()) + float(angles.max())) / 2
+        # Facets that are cut in two would double the number of pieces.
+        half = float(angles[np.argmin(np.round(np.abs(angles - half), 9))])
         across = math.cos(half) * square - math.sin(half) * middle
         yield _build_plane(across, float(origin @ across))
 

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from skillplan_cad.blocking.all_pairs import BlockingTest
-from skillplan_cad.product import Part, Points, Product, Triangles
+from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
+from skillplan_cad.planning.assembly_plan import AssemblyPlan
+from skillplan_cad.product import Face, Part, Points, Product, Triangles
 from skillplan_cad.relation import Relation
-from skillplan_cad.writing.convex_pieces import Hollow, Pieces, decompose_convex
+from skillplan_cad.writing.convex_pieces import Hollow, Pieces, decompose_convex, measure_excess_m
+from skillplan_cad.writing.fit_play import PLAY_M, FitPlay, Loosened, Played
 from skillplan_cad.writing.top_grasp import Upright
 
 Mesh = tuple[Points, Triangles]
 
 # Allowed excess of pieces: at first, and as a share of the tolerance for the second cut.
 _COARSE_M = 3e-4
+# Share of a clearance that pieces may fill.
+_CLEARANCE_SHARE = 0.2
 _FINE_SHARE = 0.5
 _SAME_M = 1e-6
 _DECIMALS = 7
@@ -48,11 +53,14 @@ class ProvedPieces:
         Pieces of each mesh by part name, in the frame of the given meshes.
     cut_back
         Names of parts whose first pieces blocked a free direction.
+    fits
+        Fits that the pieces of a part loosen, by its name.
     """
 
     pieces: Mapping[str, tuple[Pieces, ...]]
     cut_back: tuple[str, ...]
     differences: tuple[Difference, ...]
+    fits: Mapping[str, tuple[Played, ...]] = field(default_factory=dict)
 
     def of(self, names: Collection[str]) -> ProvedPieces:
         """Return the pieces of some parts, and differences between parts that still have pieces."""
@@ -65,12 +73,18 @@ class ProvedPieces:
                 for difference in self.differences
                 if not {difference.part, difference.by} & gone
             ),
+            {
+                name: tuple(fit for fit in fits if fit.into not in gone)
+                for name, fits in self.fits.items()
+                if name not in gone
+            },
         )
 
 
 def prove_pieces(
     product: Product,
     relation: Relation,
+    plan: AssemblyPlan,
     meshes: Mapping[str, Sequence[Mesh]],
     upright: Upright,
 ) -> ProvedPieces:
@@ -82,17 +96,20 @@ def prove_pieces(
 
     Parameters
     ----------
-    product, relation
-        True meshes, and their blockings.
+    product, relation, plan
+        True meshes, their blockings, and the order of the parts.
     meshes
         Meshes by part name, upright, relative to the centre of the part's bottom.
     """
-    cutter = _Cutter(upright)
+    fits = find_cylinder_fits(product)
+    play = FitPlay(product, relation, plan, upright, fits)
+    cutter = _Cutter(product, fits, play.drawn_m, upright)
     pieces_of = {
         name: cutter.pieces(product.parts[product.index(name)], given, _COARSE_M)
         for name, given in meshes.items()
     }
-    wrong = _find_differences(product, relation, pieces_of, upright)
+    loosened = _loosen(product, play, pieces_of)
+    wrong = _find_differences(product, relation, _list_pieces(loosened), upright)
     cut = sorted(
         {name for difference in wrong for name in (difference.part, difference.by)}
         & pieces_of.keys()
@@ -102,21 +119,64 @@ def prove_pieces(
         for name in cut:
             part = product.parts[product.index(name)]
             pieces_of[name] = cutter.pieces(part, meshes[name], fine_m)
-        wrong = _find_differences(product, relation, pieces_of, upright)
-    return ProvedPieces(pieces_of, tuple(cut), wrong)
+        loosened |= _loosen(product, play, {name: pieces_of[name] for name in cut})
+        wrong = _find_differences(product, relation, _list_pieces(loosened), upright)
+    excess_m = {
+        name: cutter.measure_excess_m(product.parts[product.index(name)], pieces_of[name], given)
+        for name, given in meshes.items()
+    }
+    fits_of = {
+        name: tuple(
+            replace(fit, outside_m=max(excess_m[name], excess_m.get(fit.into, 0.0)))
+            for fit in own.fits
+        )
+        for name, own in loosened.items()
+        if own.fits
+    }
+    return ProvedPieces(_list_pieces(loosened), tuple(cut), wrong, fits_of)
+
+
+def _loosen(
+    product: Product, play: FitPlay, pieces_of: Mapping[str, Sequence[Pieces]]
+) -> dict[str, Loosened]:
+    """Return pieces with play beside the parts that are in place before."""
+    return {
+        name: play.loosen(product.parts[product.index(name)], pieces)
+        for name, pieces in pieces_of.items()
+    }
+
+
+def _list_pieces(loosened: Mapping[str, Loosened]) -> dict[str, tuple[Pieces, ...]]:
+    return {name: own.pieces for name, own in loosened.items()}
 
 
 class _Cutter:
     """Computes pieces, once for each shape and orientation."""
 
-    def __init__(self, upright: Upright) -> None:
+    def __init__(
+        self,
+        product: Product,
+        fits: Iterable[CylinderFit],
+        drawn_m: Mapping[frozenset[str], float],
+        upright: Upright,
+    ) -> None:
         self._upright = upright
+        # Allowed excess on the walls of holes that hold shafts, by number of the part [m].
+        self._fitted: dict[str, list[tuple[Face, float]]] = {}
+        for fit in fits:
+            inner, outer = product.parts[fit.inner].name, product.parts[fit.outer].name
+            clearance_m = min(drawn_m[frozenset((inner, outer))], fit.radius_difference_m)
+            allowed_m = _CLEARANCE_SHARE * max(clearance_m, PLAY_M)
+            self._fitted.setdefault(outer, []).append((fit.hole, allowed_m))
         self._made: dict[tuple[Any, ...], Pieces] = {}
 
     def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
         """Return the pieces of each mesh of a part."""
         hollows = self._find_hollows(part)
-        rows = [(*hollow.point_m, *hollow.axis, hollow.radius_m) for hollow in hollows]
+        rows = [
+            (*hollow.point_m, *hollow.axis, hollow.radius_m, hollow.allowed_m or 0.0)
+            for hollow in hollows
+        ]
         pieces = []
         for vertices_m, triangles in meshes:
             key = (
@@ -130,6 +190,18 @@ class _Cutter:
             pieces.append(self._made[key])
         return tuple(pieces)
 
+    def measure_excess_m(
+        self, part: Part, pieces: Sequence[Pieces], meshes: Sequence[Mesh]
+    ) -> float:
+        """Return the greatest excess of pieces over the walls of holes with shafts [m]."""
+        if part.name not in self._fitted:
+            return 0.0
+        hollows = self._find_hollows(part)
+        return max(
+            measure_excess_m(own, vertices_m, triangles, hollows)
+            for own, (vertices_m, triangles) in zip(pieces, meshes, strict=True)
+        )
+
     def _find_hollows(self, part: Part) -> list[Hollow]:
         upright = self._upright
         bottom = np.array(upright.bottom(part))
@@ -140,8 +212,20 @@ class _Cutter:
             point = upright.matrix @ np.asarray(face.origin_m) + upright.offset_m - bottom
             axis = upright.matrix @ np.asarray(face.axis)
             if not any(_is_same(hollow, point, axis, face.radius_m) for hollow in hollows):
-                hollows.append(Hollow(point, axis, face.radius_m))
+                fits = self._fitted.get(part.name, ())
+                allowed = (allowed_m for hole, allowed_m in fits if _are_coaxial(face, hole))
+                hollows.append(Hollow(point, axis, face.radius_m, min(allowed, default=None)))
         return hollows
+
+
+def _are_coaxial(face: Face, other: Face) -> bool:
+    """Return whether two faces lie on the same cylinder."""
+    offset = np.subtract(other.origin_m, face.origin_m)
+    return bool(
+        abs(np.dot(face.axis, other.axis)) > 1 - _SAME_M
+        and float(np.linalg.norm(np.cross(offset, face.axis))) < _SAME_M
+        and abs(face.radius_m - other.radius_m) < _SAME_M
+    )
 
 
 def _round_to_bytes(lengths_m: Any) -> bytes:

@@ -673,7 +673,9 @@ class _Writer:
             if (fastener := self._get_driven(part)) is not None
         }
         if proved is None or not self._meshes.keys() <= proved.pieces.keys():
-            proved = prove_pieces(self.product, self.relation, self._meshes, self.upright)
+            proved = prove_pieces(
+                self.product, self.relation, self.plan, self._meshes, self.upright
+            )
         proved = proved.of(self._meshes)
         self._add_pieces(proved, parts, files)
         up, names = self.bearing.up, self.names
@@ -699,6 +701,18 @@ class _Writer:
                 if pieces:
                     mesh["pieces"] = mesh["file"].removesuffix(".obj") + ".pieces.obj"
                     files[mesh["pieces"]] = format_pieces(pieces)
+        for part_name, fits in proved.fits.items():
+            entry = {
+                self.names[fit.into]: {
+                    "drawn_m": fit.drawn_m,
+                    "play_m": fit.play_m,
+                    "outside_m": round(fit.outside_m, 7),
+                }
+                for fit in fits
+                if fit.into in self.names
+            }
+            if entry and part_name in self.names:
+                parts[self.names[part_name]]["fits"] = entry
 
     def _build_document(
         self, parts: Mapping[str, dict[str, Any]], screws: Mapping[str, dict[str, Any]]

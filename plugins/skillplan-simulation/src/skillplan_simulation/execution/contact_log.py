@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -25,6 +26,32 @@ _CLOSE_M = 0.0005
 
 # Contacts are sideways if the cosine between velocity and force is below this.
 _ASIDE = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Guides:
+    """Bodies that a part slides along on the last stretch to its seat.
+
+    Parameters
+    ----------
+    seat_m, along
+        Final position of the part, and the direction in which it gets there.
+    lengths_m
+        Length of the stretch along each body [m].
+    """
+
+    subject: str
+    seat_m: Point
+    along: Point
+    lengths_m: Mapping[str, float]
+
+    def at(self, position_m: Point) -> set[str]:
+        """Return the bodies that guide the part at a position."""
+        left_m = sum(
+            axis * (end - here)
+            for axis, end, here in zip(self.along, self.seat_m, position_m, strict=True)
+        )
+        return {name for name, length_m in self.lengths_m.items() if left_m < length_m + _CLOSE_M}
 
 
 class ContactLog:
@@ -52,6 +79,8 @@ class ContactLog:
         # Inserted part, and resistance to it in every frame since [N].
         self.inserted: str | None = None
         self.resistance_n: list[float] = []
+        # Stretches on which other bodies guide the handled part to its seat.
+        self.guides: Guides | None = None
         # Constraints that act like contacts, such as a suction cup's.
         self.cups: dict[str, int] = {}
         self.last_pairs: dict[Pair, float] = {}
@@ -97,7 +126,11 @@ class ContactLog:
             forces[name] += self.world.pulled_n(name, constraint)
         for name, force in forces.items():
             self.forces.setdefault(name, [np.zeros(3)] * self.frames).append(force)
+        guiding = self._find_guiding()
+        guided = set() if self.guides is None else {self.guides.subject}
         for pair, force_n in pairs.items():
+            if guided & set(pair) and guiding & set(pair):
+                continue
             if pair not in self.expected and not self.free & set(pair):
                 if pair not in self.pairs and self._touch_sideways(pair):
                     self.beside.add(pair)
@@ -112,6 +145,26 @@ class ContactLog:
         if self.inserted is not None:
             into = set(self.world.others(self.inserted)) - {self.inserted}
             self.resistance_n.append(self.pressing_n({self.inserted}, into))
+        elif guiding:
+            self.resistance_n.append(self._measure_guiding_n(guiding))
+
+    def _measure_guiding_n(self, guiding: set[str]) -> float:
+        """Return the force of some bodies on the guided part, as a wrist's sensor feels it [N]."""
+        assert self.guides is not None
+        force_n = np.zeros(3)
+        for point in self._last_points:
+            if point.first == self.guides.subject and point.second in guiding:
+                force_n += point.force_n
+            elif point.second == self.guides.subject and point.first in guiding:
+                force_n -= point.force_n
+        return length(force_n)
+
+    def _find_guiding(self) -> set[str]:
+        """Return the bodies that guide the handled part where it is now."""
+        if self.guides is None:
+            return set()
+        here = self.world.pose(self.guides.subject).position
+        return self.guides.at(here)
 
     def pressing_n(self, ones: Iterable[str], others: Iterable[str]) -> float:
         """Return the normal force between two groups of bodies in the last frame [N]."""

@@ -246,7 +246,9 @@ class ControlledRobot:
         own = {ROBOT, HAND, *FINGERS, *self.tools.robot_parts, self.carried}
         return any((first in own) != (second in own) for first, second in self.log.last_pairs)
 
-    def move(self, end: Point, path: PosturePath | None = None) -> None:
+    def move(
+        self, end: Point, path: PosturePath | None = None, speed_m_per_s: float | None = None
+    ) -> None:
         """Move the tip straight to a point.
 
         Parameters
@@ -255,6 +257,8 @@ class ControlledRobot:
             Target [m].
         path
             Joint path on the way. Default: the current posture.
+        speed_m_per_s
+            Maximum speed of the tip [m/s]. Default: that of the settings.
 
         Raises
         ------
@@ -268,7 +272,7 @@ class ControlledRobot:
                 here,
                 np.array(end),
                 path,
-                speed_m_per_s=self.settings.speed_m_per_s,
+                speed_m_per_s=speed_m_per_s or self.settings.speed_m_per_s,
                 acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
             )
         )

@@ -412,7 +412,8 @@ class _PlanExecution:
             return Verdict.infeasible(str(error), facts.none, facts.none)
         if planned.unfound is not None:
             return Verdict.unknown(planned.unfound)
-        runner.begin(planned.motions, state)
+        plain = [motion.motion for motion in planned.motions]
+        runner.begin(planned.motions, state, self.workcell.guides.of(plain, state))
         # Frames of the log correspond to rows of the trace.
         begin_s = ((self.world.steps + self.held) // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:

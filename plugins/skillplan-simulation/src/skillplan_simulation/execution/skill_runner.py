@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,11 +15,11 @@ from skillplan.task.pose import DOWN, is_same_direction, plus
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
 from skillplan_pinocchio.kinematics.fixed_order import dot, times
-from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME
+from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, Guides
 from skillplan_simulation.execution.controlled_robot import ControlledRobot
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import Vector, convert_quaternion, make_pose
-from skillplan_simulation.motions import ArmMotion
+from skillplan_simulation.motions import ArmMotion, PathSection, PosturePath
 from skillplan_simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, TABLE, Arm, World
 
 # Distance from contact at which the search for a hole starts [m].
@@ -122,6 +124,8 @@ _DOCK_GAP_M = 0.002
 _CUP_GAP_M = 0.0015
 # Gap of a bit above a screw in its feeder; the magnet attracts the head [m].
 _FETCH_GAP_M = 0.001
+# Speed of a part that guides lead to its seat, and distance before them at which it slows down.
+_INSERTION_M_PER_S, _BEFORE_MOUTH_M = 0.02, 0.002
 _GRIP_S = 0.35
 _LET_GO_S = 0.35
 _SUCTION_S = 0.05
@@ -161,16 +165,24 @@ class SkillRunner(ControlledRobot):
         self.acting_steps = 0
         # Constraints that hold parts in feeders.
         self._kept: dict[str, int] = {}
-        # Motions of the current skill.
+        # Motions of the current skill, and guides of its parts.
         self._motions: tuple[ArmMotion, ...] = ()
+        self._guides: Mapping[str, Guides] = {}
 
-    def begin(self, motions: Sequence[ArmMotion], state: State) -> None:
+    def begin(
+        self, motions: Sequence[ArmMotion], state: State, guides: Mapping[str, Guides]
+    ) -> None:
         """Present the parts of feeders that a skill takes, and start its contact log.
 
         Every execution of a skill starts here, alone or in a plan. Contacts at this moment are
         expected, so parts from feeders must be present already.
+
+        Parameters
+        ----------
+        guides
+            Guides of the parts that the skill puts into place, by name.
         """
-        self._motions = tuple(motions)
+        self._motions, self._guides = tuple(motions), guides
         handled = {planned.motion.visit.subject for planned in motions}
         for subject in sorted(handled):
             self.bring_out(subject, state)
@@ -248,16 +260,21 @@ class SkillRunner(ControlledRobot):
             # An earlier part may have left them narrower or wider.
             self.wait(self._jaws_take_s(motion))
         self.log.phase(f"the approach to {subject}")
-        stretches = list(zip(motion.approach[1:], planned.down, strict=True))
-        for point, path in stretches[:-1]:
+        stretches = list(zip(pairwise(motion.approach), planned.down, strict=True))
+        for (_, point), path in stretches[:-1]:
             self.move(point, path)
-        _, path = stretches[-1]
+        (begin, _), path = stretches[-1]
         if len(stretches) > 1 and event is Event.RELEASE:
             self.log.phase(f"the insertion of {subject}")
             self.log.insert(subject)
-        self.move(plus(motion.tip, self._stops_along(motion), -self._stops_m(motion)), path)
+        end = plus(motion.tip, self._stops_along(motion), -self._stops_m(motion))
+        guides = self._guides.get(subject) if event is Event.RELEASE else None
+        if guides is None or self.log.inserted is not None:
+            self.move(end, path)
+        else:
+            self._slide_in(guides, begin, end, path)
         self.sensed["tip_error_m"] = self.arm.tip_error_m()
-        self.log.inserted = None
+        self.log.inserted = self.log.guides = None
         begin_steps = self.world.steps
         self._act(motion)
         acted = self.world.steps - begin_steps
@@ -271,6 +288,17 @@ class SkillRunner(ControlledRobot):
             self.move(point, path)
         if event in (Event.RELEASE, Event.DRIVE):
             self.world.join(subject, self.tools.robot_parts)
+
+    def _slide_in(self, guides: Guides, begin: Point, end: Point, path: PosturePath) -> None:
+        """Move the held part to the mouth of its guides, and slowly on to its seat."""
+        whole_m, slow_m = math.dist(begin, end), max(guides.lengths_m.values()) + _BEFORE_MOUTH_M
+        share = max(0.0, 1 - slow_m / whole_m)
+        if share > 0.0:
+            mouth = plus(begin, plus(end, begin, -1.0), share)
+            self.move(mouth, PathSection(path, 0.0, share))
+        self.log.phase(f"the insertion of {guides.subject}")
+        self.log.guides = guides
+        self.move(end, PathSection(path, share, 1.0), _INSERTION_M_PER_S)
 
     def _stops_m(self, motion: LinearMotion) -> float:
         """Return the distance from the target at which the tip stops [m]."""

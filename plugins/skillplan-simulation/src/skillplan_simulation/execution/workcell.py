@@ -9,14 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, choose_opening_m, choose_visit_grasp
-from skillplan.task.motion import Event, GraspKind
+from skillplan.task.motion import Event, GraspKind, Point, Visit
 from skillplan.task.pose import DOWN, Pose, is_same_direction, plus
-from skillplan.task.scene import Placement, Robot
+from skillplan.task.scene import WORLD, Placement, Robot
 from skillplan.task.shape import Mesh
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.kinematics.fixed_order import length
+from skillplan_pinocchio.tight_fits import Insertion, measure_insertion
+from skillplan_simulation.execution.contact_log import Guides
 from skillplan_simulation.execution.controlled_robot import StuckError
 from skillplan_simulation.execution.planned_paths import PlannedPaths, PlannedSkill
 from skillplan_simulation.execution.skill_runner import SkillRunner
@@ -36,7 +38,7 @@ from skillplan_simulation.simulator import (
     UpsetError,
     World,
 )
-from skillplan_simulation.verdicts import FRAMES, average_frames
+from skillplan_simulation.verdicts import CLEARANCE_MM, FRAMES, average_frames
 
 
 class Fastenings:
@@ -149,6 +151,50 @@ class SupportTrials:
         return self._known[key]
 
 
+# Overlap on an insertion that is rounding, and clearance from which bodies do not guide a part [m].
+_LEAST_OVERLAP_M, _LOOSE_M = 1e-5, CLEARANCE_MM / 1e3 - 1e-5
+
+
+class GuideSearch:
+    """Finds the bodies that guide parts into place; caches the results."""
+
+    def __init__(self, task: Task) -> None:
+        self._bodies = {body.name: body for body in task.scene.bodies}
+        self._known: dict[tuple[str, Pose, Point, str, Pose], Insertion | None] = {}
+
+    def of(self, motions: Sequence[LinearMotion], state: State) -> dict[str, Guides]:
+        """Return the guides of the parts that a skill puts into place.
+
+        A body guides a part if the part lies beside it at the end and passes it on its way.
+        """
+        guides = {}
+        for visit in (motion.visit for motion in motions):
+            if visit.event is not Event.RELEASE:
+                continue
+            lengths_m = {}
+            for other in self._bodies.values():
+                placement = other.placement(state)
+                is_there = placement is not None and placement.solid and placement.frame == WORLD
+                if placement is None or not is_there or other.name == visit.subject:
+                    continue
+                insertion = self._measure(visit, other.name, placement.pose)
+                if insertion is not None and -_LEAST_OVERLAP_M < insertion.clearance_m < _LOOSE_M:
+                    lengths_m[other.name] = insertion.length_m
+            if lengths_m:
+                seat_m = visit.pose.position
+                guides[visit.subject] = Guides(visit.subject, seat_m, visit.along, lengths_m)
+        return guides
+
+    def _measure(self, visit: Visit, other: str, pose: Pose) -> Insertion | None:
+        key = (visit.subject, visit.pose, visit.along, other, pose)
+        if key not in self._known:
+            mover = self._bodies[visit.subject]
+            self._known[key] = measure_insertion(
+                mover, visit.pose, self._bodies[other], pose, visit.along
+            )
+        return self._known[key]
+
+
 # Time for the world to come to rest before an execution [s].
 SETTLE_S = 0.1
 
@@ -168,6 +214,7 @@ class Workcell:
         self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
         self.paths = PlannedPaths(task, settings)
         self.fastenings = Fastenings(task)
+        self.guides = GuideSearch(task)
         self.supports = SupportTrials(task, self.surroundings, simulator.world)
 
     def execute(
@@ -280,7 +327,7 @@ class Workcell:
             else:
                 runner.bring_out(first.visit.subject, state)
             runner.wait(SETTLE_S)
-            runner.begin(planned.motions, state)
+            runner.begin(planned.motions, state, self.guides.of(plain, state))
             for index, motion in enumerate(planned.motions):
                 if index or planned.travels_first:
                     runner.travel(motion)

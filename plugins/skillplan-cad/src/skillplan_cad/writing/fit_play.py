@@ -1,0 +1,246 @@
+"""Play and chamfers at the fits of parts, for back ends whose hands are not exact to a micrometre.
+
+A part that goes in beside another gets smaller pieces: their sides that pass the other keep a
+distance from its mesh, and the edges that lead are chamfered. Real shafts and holes have chamfers,
+which CAD often leaves out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_cad.joints.cylinder_fits import CylinderFit
+from skillplan_cad.planning.assembly_plan import AssemblyPlan
+from skillplan_cad.product import Part, Points, Product, make_solid
+from skillplan_cad.relation import Relation
+from skillplan_cad.writing.convex_pieces import Pieces, build_mesh
+from skillplan_cad.writing.top_grasp import Upright
+
+PLAY_M = 1e-4
+"""Smallest clearance that back ends play with, on each side [m]."""
+
+CHAMFER_M = 3e-4
+"""Chamfer of the edges that lead into a fit [m]; a fit has less clearance."""
+
+Floats = NDArray[np.float64]
+_TO_MM = 1e3
+# Depth below a side up to which an overlap of meshes is seen [mm].
+_BELOW_MM = 0.3
+# Largest cosine between a side's normal and the move; smaller overlaps are rounding [mm3].
+_SIDEWAYS, _LEAST_MM3 = 0.1, 1e-3
+# Share by which a side shrinks towards its middle.
+_INWARD = 0.02
+# Largest share of a piece that a chamfer takes.
+_SHARE = 0.25
+_DECIMALS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """A fit that back ends play with more room than is drawn.
+
+    Parameters
+    ----------
+    part, into
+        Names of the part that goes in, and of the one that it passes.
+    drawn_m
+        Clearance of the drawing, on each side [m]; negative for a press fit.
+    play_m
+        Clearance that the pieces leave [m].
+    outside_m
+        Greatest excess of the pieces of both over the walls of their holes [m].
+    """
+
+    part: str
+    into: str
+    drawn_m: float
+    play_m: float
+    outside_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loosened:
+    """Pieces of a part with play and chamfers, and the fits that need them."""
+
+    pieces: tuple[Pieces, ...]
+    fits: tuple[Played, ...]
+
+
+class FitPlay:
+    """Gives parts play beside those that are in place before them.
+
+    Parameters
+    ----------
+    product
+        Parts without interference: press fits touch.
+    relation
+        Its contacts have the clearances as drawn.
+    fits
+        Cylinders in holes of the product.
+    """
+
+    def __init__(
+        self,
+        product: Product,
+        relation: Relation,
+        plan: AssemblyPlan,
+        upright: Upright,
+        fits: Sequence[CylinderFit],
+    ) -> None:
+        self._product, self._upright = product, upright
+        self._along = {
+            name: upright.vector(step.along) for step in plan.steps for name in step.parts
+        }
+        order = list(dict.fromkeys((plan.base, *self._along)))
+        self._before = {name: order[:number] for number, name in enumerate(order)}
+        self._solids: dict[str, manifold3d.Manifold] = {}
+        drawn = [
+            (product.parts[fit.inner].name, product.parts[fit.outer].name, fit.radius_difference_m)
+            for fit in fits
+        ]
+        drawn += [
+            (*contact.parts, contact.radius_difference_m)
+            for contact in relation.contacts
+            if contact.radius_difference_m is not None
+        ]
+        # Clearances as drawn, by the names of both parts [m].
+        self.drawn_m: dict[frozenset[str], float] = {}
+        for first, second, clearance_m in drawn:
+            pair = frozenset((first, second))
+            self.drawn_m[pair] = min(clearance_m, self.drawn_m.get(pair, clearance_m))
+
+    def loosen(self, part: Part, meshes: Sequence[Pieces]) -> Loosened:
+        """Return the pieces of a part with play beside the parts before it."""
+        along = np.asarray(self._along.get(part.name, (0.0, 0.0, -1.0)))
+        bottom = np.array(self._upright.bottom(part))
+        hulls = [[_Hull(points) for points, _ in pieces] for pieces in meshes]
+        everything = [hull for mesh in hulls for hull in mesh]
+        low = np.min([hull.low for hull in everything], axis=0)
+        high = np.max([hull.high for hull in everything], axis=0)
+        fits = []
+        for other in self._find_near(part, low, high, along, bottom):
+            shift = -bottom * _TO_MM
+            solid = self._solid(other).translate(tuple(shift.tolist()))
+            gaps_mm = [gap for hull in everything for gap in hull.face(solid, along)]
+            if gaps_mm:
+                pair = frozenset((part.name, other))
+                drawn_m = round(self.drawn_m.get(pair, min(gaps_mm) / _TO_MM), _DECIMALS) + 0.0
+                fits.append(Played(part.name, other, drawn_m, max(drawn_m, PLAY_M)))
+        pieces = tuple(
+            tuple(
+                mesh
+                for hull, own in zip(mesh_hulls, own_pieces, strict=True)
+                if (mesh := hull.cut(along) if hull.sides else own) is not None
+            )
+            for mesh_hulls, own_pieces in zip(hulls, meshes, strict=True)
+        )
+        return Loosened(pieces, tuple(fits))
+
+    def _solid(self, name: str) -> manifold3d.Manifold:
+        """Return a part upright in the world."""
+        if name not in self._solids:
+            part = self._product.parts[self._product.index(name)]
+            self._solids[name] = make_solid(self._upright.vertices(part), part.triangles)
+        return self._solids[name]
+
+    def _find_near(
+        self, part: Part, low: Floats, high: Floats, along: Floats, bottom: Floats
+    ) -> Iterator[str]:
+        """Yield the parts before a part whose boxes it passes within a chamfer's width."""
+        sideways = np.abs(along) < 1 - 1e-6
+        for name in self._before.get(part.name, ()):
+            box = np.array(self._solid(name).bounding_box()).reshape(2, 3) - bottom * _TO_MM
+            room = CHAMFER_M * _TO_MM
+            apart = (box[0] > high + room) | (low > box[1] + room)
+            if not (apart & sideways).any() and not self._solid(name).is_empty():
+                yield name
+
+
+class _Hull:
+    """A convex piece, and the distances that its sides keep from other parts [mm]."""
+
+    def __init__(self, points_m: Points) -> None:
+        self._points = points_m * _TO_MM
+        self._solid = manifold3d.Manifold.hull_points(self._points)
+        self.low, self.high = self._points.min(axis=0), self._points.max(axis=0)
+        # Normal and offset of each side that passes another part, with the least gap.
+        self.sides: dict[tuple[float, float, float, float], float] = {}
+        self._facets: list[tuple[Floats, float, Points]] | None = None
+
+    def face(self, other: manifold3d.Manifold, along: Floats) -> list[float]:
+        """Note the sides that pass another part within a chamfer's width; return the gaps."""
+        room, box = CHAMFER_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
+        # The way back, as far as it passes the other part.
+        ahead = float((self._points @ along).max())
+        corners = np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
+        length = ahead - float((corners @ along).min())
+        if length <= _BELOW_MM:
+            return []
+        back = -along * length
+        low = np.minimum(self.low, self.low + back) - room
+        high = np.maximum(self.high, self.high + back) + room
+        if (low > box[1]).any() or (high < box[0]).any():
+            return []
+        near = other ^ manifold3d.Manifold.cube(tuple((high - low).tolist())).translate(
+            tuple(low.tolist())
+        )
+        gaps = []
+        for normal, offset, points in self._list_sides(along) if not near.is_empty() else ():
+            ends = np.concatenate([points - _BELOW_MM * normal, points + room * normal])
+            front = manifold3d.Manifold.hull_points(np.concatenate([ends, ends + back]))
+            met = [piece for piece in (near ^ front).decompose() if piece.volume() > _LEAST_MM3]
+            if not met:
+                continue
+            corners = np.concatenate([piece.to_mesh64().vert_properties[:, :3] for piece in met])
+            gap = float((corners @ normal).min()) - offset
+            key = (*normal.tolist(), offset)
+            self.sides[key] = min(gap, self.sides.get(key, gap))
+            gaps.append(gap)
+        return gaps
+
+    def _list_sides(self, along: Floats) -> list[tuple[Floats, float, Points]]:
+        """Return the facets that lie along a move: normal, offset and corners."""
+        if self._facets is None:
+            mesh64 = self._solid.to_mesh64()
+            points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
+            corners = points[np.asarray(mesh64.tri_verts, dtype=np.int64)]
+            across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            lengths = np.linalg.norm(across, axis=1)
+            normals = across / np.maximum(lengths, 1e-30)[:, None]
+            offsets = np.einsum("ij,ij->i", corners[:, 0], normals)
+            facets: dict[tuple[float, ...], list[int]] = {}
+            for number in np.flatnonzero(lengths > 1e-9).tolist():
+                if abs(float(normals[number] @ along)) < _SIDEWAYS:
+                    rounded = np.round([*normals[number], offsets[number]], 3) + 0.0
+                    facets.setdefault(tuple(rounded.tolist()), []).append(number)
+            self._facets = []
+            for numbers in facets.values():
+                largest = max(numbers, key=lambda number: float(lengths[number]))
+                facet = corners[numbers].reshape(-1, 3)
+                # Surfaces that touch its edges are not in front of it.
+                facet = facet + _INWARD * (facet.mean(axis=0) - facet)
+                self._facets.append((normals[largest], float(offsets[largest]), facet))
+        return self._facets
+
+    def cut(self, along: Floats) -> tuple[Points, NDArray[np.int64]] | None:
+        """Return the piece with play and chamfers at its noted sides."""
+        solid = self._solid
+        heights = self._points @ along
+        front, length = float(heights.max()), float(np.ptp(heights))
+        for (x, y, z, offset), gap in self.sides.items():
+            normal = np.array([x, y, z])
+            side = offset - max(0.0, PLAY_M * _TO_MM - gap)
+            width = float(np.ptp(self._points @ normal))
+            solid = solid.trim_by_plane((-x, -y, -z), -side)
+            chamfer = min(CHAMFER_M * _TO_MM, _SHARE * min(length, width))
+            slope = normal + along
+            slope /= np.linalg.norm(slope)
+            edge = side * float(normal @ slope) + front * float(along @ slope)
+            cosine = float(along @ slope)
+            solid = solid.trim_by_plane(tuple((-slope).tolist()), -(edge - chamfer * cosine))
+        return None if solid.is_empty() else build_mesh(solid)
