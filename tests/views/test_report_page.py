@@ -224,6 +224,11 @@ class TestTheHeadline:
             "A valid plan, proved to be the best by geometry (kinematic, swept, precedence)."
         )
 
+    def test_says_how_many_parts_of_the_product_it_is_about(self):
+        lead = str(build_lead(OPTIMAL, covered=(4, 26)))
+        assert "It is about 4 of 26 parts of the product; 22 left out." in lead
+        assert "It is about all 8 parts of the product." in str(build_lead(OPTIMAL, covered=(8, 8)))
+
     def test_of_a_failed_simulation_says_so_in_the_first_sentence(self):
         shown = leads({**OPTIMAL, "simulation": FAILURE})
         assert shown == [

@@ -129,6 +129,9 @@ class Task:
         Key paths of the dwell times in the task file, with single bodies and tools first.
     infeasible
         Reason why no plan exists, if grounding proves it; else empty. Such a task is not searched.
+    covered
+        Number of parts of the task, and of its whole product; None if the task file does not state
+        the latter.
     """
 
     name: str
@@ -153,6 +156,7 @@ class Task:
     places: Mapping[str, Place] = field(default_factory=dict)
     dwells_from: tuple[str, ...] = ()
     infeasible: str = ""
+    covered: tuple[int, int] | None = None
     _index: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

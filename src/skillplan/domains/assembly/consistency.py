@@ -27,6 +27,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
                 _check_cycles(config),
                 _check_lists(config),
                 _check_step_limit(config),
+                _check_product_parts(config),
             ),
             _MAX_ISSUES,
         )
@@ -199,6 +200,15 @@ def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
             for action in actions:
                 needed.setdefault(action, fact)
     return needed
+
+
+def _check_product_parts(config: AssemblyConfig) -> Iterator[Issue]:
+    count = len(config.parts) + len(config.screws)
+    if config.product_parts is not None and config.product_parts < count:
+        yield Issue(
+            f"{config.product_parts} is too few: the task has {count} parts and screws.",
+            ("product_parts",),
+        )
 
 
 def _check_step_limit(config: AssemblyConfig) -> Iterator[Issue]:

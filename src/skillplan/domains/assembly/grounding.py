@@ -118,6 +118,9 @@ class _Grounding:
             ),
             sha256=sha256,
             dwells_from=self._list_dwell_sources(),
+            covered=None
+            if config.product_parts is None
+            else (len(config.parts) + len(config.screws), config.product_parts),
         )
 
     def _list_dwell_sources(self) -> tuple[str, ...]:

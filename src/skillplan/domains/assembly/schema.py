@@ -164,6 +164,11 @@ class AssemblyConfig(Strict):
     goal: Annotated[list[Fact], Field(min_length=1, max_length=4096)] | None = Field(
         None, description="facts to bring about; left out: every part placed, every screw fastened"
     )
+    product_parts: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
+        None,
+        description="number of parts of the whole product, of which this task may put together "
+        "some; left out: not stated",
+    )
     chart: Annotated[list[ChartLine], Field(max_length=4096)] = Field(
         [],
         description="the hand-made precedence relation, as [{before: a, after: [b, c]}]; left out: "

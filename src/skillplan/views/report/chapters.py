@@ -112,9 +112,8 @@ def build_plan_chapter(given: PlanInput, name: str) -> Chapter:
     )
     took_s = measured.simulated_s if measured is not None and measured.failed is None else None
     played_s = max((skill.end_s for skill in given.played), default=None)
-    return Chapter(
-        name, task.name, build_lead(document, took_s, played_s, given.certificate), sections
-    )
+    lead = build_lead(document, took_s, played_s, given.certificate, task.covered)
+    return Chapter(name, task.name, lead, sections)
 
 
 def _draw_still(given: PlanInput, name: str) -> Markup | None:

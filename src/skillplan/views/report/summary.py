@@ -12,6 +12,7 @@ from skillplan.records.result import SimulationOutcome
 from skillplan.views.report.markup import Markup, facts, join, number, seconds, share, tag
 from skillplan.views.report.page import Section
 from skillplan.views.tables.results import describe_simulation
+from skillplan.views.text.wording import describe_covered
 
 _TONES = {
     "optimal": "good",
@@ -51,6 +52,7 @@ def build_lead(
     measured_s: float | None = None,
     played_s: float | None = None,
     certificate: Certificate | None = None,
+    covered: tuple[int, int] | None = None,
 ) -> Markup:
     """Return a result in a sentence, with its figures.
 
@@ -62,12 +64,15 @@ def build_lead(
         Time of the playback along planned paths [s]; None for no such playback.
     certificate
         Verification of a stored result; None for a result that was solved for the page.
+    covered
+        Number of parts of the task, and of its product; None if unknown.
     """
     status = str(document.get("status"))
     unit = document.get("cost_unit") or ""
     reasons = [line.rstrip(".") for line in str(document.get("reason") or "").splitlines()]
     words = [
         *_describe_verified(document, certificate),
+        *([f"It is about {describe_covered(covered)}."] if covered is not None else []),
         *(f"{reason}." for reason in reasons if reason),
     ]
     sentence = join([tag("p", {"class": "lead"}, line) for line in words])

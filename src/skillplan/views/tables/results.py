@@ -15,7 +15,7 @@ from skillplan.records.stored.result_folder import PLAN
 from skillplan.task.motion import Point
 from skillplan.task.task import Metric, Task
 from skillplan.views.text.table import Column, Table, render_csv
-from skillplan.views.text.wording import format_number, format_percent
+from skillplan.views.text.wording import describe_covered, format_number, format_percent
 
 if TYPE_CHECKING:
     from skillplan.records.chain_result import ChainResult
@@ -43,6 +43,8 @@ def tabulate_plan(result: Result, task: Task) -> Table:
     notes = describe_status(result.status, result.reason)
     notes += [*describe_provers(result), *_note_simulation(result, task)]
     notes += describe_unchecked(result.not_checked)
+    if task.covered is not None:
+        notes.append(f"product    {describe_covered(task.covered)}")
     bound = _describe_bound(result, task)
     if result.cost is not None:
         actions = ",".join(str(step.action) for step in result.steps)

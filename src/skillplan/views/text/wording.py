@@ -34,6 +34,14 @@ def count(amount: int, noun: str) -> str:
 _WORD_START = re.compile(r"(?:^|(?<=[/ ]))(?=[^/ ]*[^\W\d_]{3})")
 
 
+def describe_covered(covered: tuple[int, int]) -> str:
+    """Return how many parts of a product a task has."""
+    parts, total = covered
+    if parts == total:
+        return f"all {total} parts of the product"
+    return f"{parts} of {total} parts of the product; {total - parts} left out"
+
+
 def shorten_names(names: Sequence[str], fits: Callable[[str], bool]) -> list[str]:
     """Return the longest endings of names that fit, without the words that all begin with.
 

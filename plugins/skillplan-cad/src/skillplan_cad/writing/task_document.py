@@ -717,10 +717,11 @@ class _Writer:
     def _build_document(
         self, parts: Mapping[str, dict[str, Any]], screws: Mapping[str, dict[str, Any]]
     ) -> dict[str, Any]:
-        document = {
+        document: dict[str, Any] = {
             "kind": "assembly",
             "name": self._choose_name(),
             "description": f"{self._count_parts()} of {self.product.name}, from CAD.",
+            "product_parts": len(self.product),
             "robot": build_robot_entry(self.robot, self.kept, self.gripped, self.upright),
             "tools": build_tool_entries(self.robot, (*parts.values(), *screws.values())),
             "initial_tool": GRIPPER,
