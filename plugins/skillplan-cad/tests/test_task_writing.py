@@ -95,11 +95,27 @@ def test_a_head_is_seated_on_the_face_below_it_though_the_shank_fills_its_hole()
         "plate": box(0, 0, 20, 60, 40, 30) - rod(30, 20, 20, 2, 10),
         "M4 screw": screw,
     }
-    parts = tuple(part_of(name, solid) for name, solid in solids.items())
-    product = Product("pair", parts, "mm", 5e-5)
-    document = build_task(*relate(product)).document
+    document = build_task(*relate(product_of(solids))).document
     assert document["screws"]["M4_screw"]["hole_m"][2] == pytest.approx(0.030, abs=1e-6)
     assert document["screws"]["M4_screw"]["head_height_m"] == pytest.approx(0.003, abs=1e-6)
+
+
+def test_a_bolt_from_above_goes_in_before_the_nut_that_is_left_out():
+    solids = {
+        "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 0, 2.1, 20) - rod(30, 20, 0, 6, 6),
+        "M4 bolt": rod(30, 20, 1, 2, 19) + rod(30, 20, 20, 4, 3),
+        "M4 nut": rod(30, 20, 2, 5, 4) - rod(30, 20, 2, 2, 4),
+    }
+    task = build_task(*relate(product_of(solids)))
+    assert {name: reason.kind for name, reason in task.left_out.items()} == {"M4 nut": "from below"}
+    assert task.document["screws"]["M4_bolt"]["through"] == "base"
+    assert task.limits["M4 bolt"] == ("is put in without M4 nut",)
+
+
+def product_of(solids):
+    """Return a product of solids in millimetres."""
+    parts = tuple(part_of(name, solid) for name, solid in solids.items())
+    return Product("solids", parts, "mm", 5e-5)
 
 
 def test_the_slide_goes_in_from_the_side_and_the_cover_rests_on_both_posts(written):

@@ -114,6 +114,19 @@ def find_best_bearing(
     return best
 
 
+def list_required(relation: Relation, name: str, up: Vector) -> tuple[str, ...]:
+    """Return the parts without which a screw or nut cannot be put in.
+
+    A bolt that comes from above hangs by its head: it can go in before its nut.
+    """
+    fastener = relation.fastener(name)
+    if fastener is None:
+        return ()
+    held = [join for join in fastener.joins if join not in relation.driven]
+    from_above = float(np.dot(fastener.axis, up)) > _ALONG
+    return tuple(held) if held and fastener.kind == "screw" and from_above else fastener.joins
+
+
 class _Standing:
     """A product in one orientation."""
 
@@ -273,8 +286,7 @@ class _Standing:
         while changed:
             changed = False
             for name in sorted(there & self._driven, key=self._numbers.__getitem__):
-                fastener = self._relation.fastener(name)
-                for join in fastener.joins if fastener else ():
+                for join in list_required(self._relation, name, self._up):
                     if join not in there:
                         words = f"goes through or into {join}, which is left out"
                         reasons[name] = LeftOut(name, "follows", words, (join,))

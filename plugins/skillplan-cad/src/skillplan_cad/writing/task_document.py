@@ -22,7 +22,7 @@ from skillplan.files.schema_errors import list_schema_issues
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.planning.bearing import Bearing, find_bearing, find_best_bearing
+from skillplan_cad.planning.bearing import Bearing, find_bearing, find_best_bearing, list_required
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, LeftOut, Relation
@@ -583,7 +583,7 @@ def build_task(
             if name in indirect and reason.kind in ("closed in", "from below")
         }
         left_out = {**reasons, **absent}
-        left_out |= _find_loose_screws(relation, left_out)
+        left_out |= _find_loose_screws(relation, left_out, bearing.up)
         if all(part.name in left_out or part.name in relation.driven for part in product):
             return _write_nothing(product, bearing, left_out)
         writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks or {})
@@ -617,12 +617,13 @@ def _write_nothing(
     return WrittenTask({}, {}, {}, {}, left_out, (), upright, ProvedPieces({}, (), ()))
 
 
-def _find_loose_screws(relation: Relation, left_out: Mapping[str, LeftOut]) -> dict[str, LeftOut]:
-    """Return the screws and nuts that join a part that is left out, each with a reason."""
+def _find_loose_screws(
+    relation: Relation, left_out: Mapping[str, LeftOut], up: Vector
+) -> dict[str, LeftOut]:
+    """Return the screws and nuts that need a part that is left out, each with a reason."""
     loose: dict[str, LeftOut] = {}
     for name in sorted(relation.driven - left_out.keys(), key=relation.index):
-        fastener = relation.fastener(name)
-        for join in fastener.joins if fastener else ():
+        for join in list_required(relation, name, up):
             if join in left_out or join in loose:
                 words = f"goes through or into {join}, which is left out"
                 loose[name] = LeftOut(name, "follows", words, (join,))
@@ -835,6 +836,9 @@ class _Writer:
 
     def _build_screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
         lies = [join for join in fastener.joins if self._get_driven(self._get_part(join)) is None]
+        missing = [join for join in fastener.joins if join not in self.names]
+        if missing:
+            self._note(part.name, f"is put in without {' and '.join(missing)}")
         through = self.names[lies[0] if lies else fastener.joins[0]]
         entry = build_screw_entry(part, fastener, self.relation, self.upright)
         feeders = self.places.feeders
