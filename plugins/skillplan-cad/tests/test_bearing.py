@@ -71,6 +71,13 @@ def test_a_shaft_that_lies_in_bores_stays_and_comes_from_the_side():
     assert task.document["parts"]["shaft"]["insert_along"][0] in ([1, 0, 0], [-1, 0, 0])
 
 
+def test_supports_do_not_bear_each_other_in_a_circle():
+    """A rod lies in two posts, and a post without a plate would hang on the rod."""
+    posts = [box(x, 10, 10, x + 10, 30, 40) - LYING for x in (5, 45)]
+    bearing = borne(product_of(plate=PLATE, left=posts[0], right=posts[1], rod=LYING))
+    assert bearing.order == ("plate", "left", "right", "rod")
+
+
 def test_a_pin_in_a_through_hole_falls_and_one_on_the_floor_of_a_hole_stays():
     """It stands on an edge beside its centre of mass: the wall of the hole keeps it upright."""
     pin = rod(30, 30, 2, 5, 18)

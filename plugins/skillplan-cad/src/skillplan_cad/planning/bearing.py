@@ -96,16 +96,20 @@ def find_bearing(
 def find_best_bearing(
     product: Product, relation: Relation, absent: Collection[str] = ()
 ) -> Bearing:
-    """Return the orientation in which most parts are placed; ties go to mass, then to the first."""
+    """Return the orientation in which most parts are placed, by number and mass.
+
+    Both shares count the same; ties go to the first.
+    """
     forces = Equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
     driven = relation.driven - set(absent)
     best: Bearing | None = None
-    best_key = (0, 0.0)
+    best_key = 0.0
     for up in ATTITUDES.values():
         bearing = find_bearing(product, relation, up, absent, forces)
         count = len(bearing.order) + len(driven - bearing.undriven.keys())
-        key = (count, round(sum(masses[name] for name in bearing.order) / sum(masses.values()), 1))
+        mass = sum(masses[name] for name in bearing.order) / sum(masses.values())
+        key = round(count / len(product) + mass, 6)
         if best is None or key > best_key:
             best, best_key = bearing, key
         if not best.why_not and not best.undriven:
@@ -170,6 +174,7 @@ class _Standing:
                 if name in self._touched:
                     self._touched[name] |= 1 << self._numbers[other]
         self._known: dict[tuple[str, int, bool], bool] = {}
+        self._earlier: dict[str, int] = {}
         self._joined = {
             name: set(fastener.joins)
             for name in self._driven
@@ -260,6 +265,7 @@ class _Standing:
         kept, reasons = dict(borne), dict(undriven)
         while True:
             self._drop_loose(kept, reasons)
+            self._earlier = self._rank(kept)
             screws = self._driven - reasons.keys()
             everything = encode_set([self._numbers[name] for name in (*kept, *screws)])
             removed, left = self._take_away(everything, ground)
@@ -278,6 +284,14 @@ class _Standing:
         why_not = self._explain_all(standing, why_not)
         undriven = {name: reason for name, reason in reasons.items() if name in self._driven}
         return Bearing(self._up, tuple(order), standing, why_not, undriven)
+
+    def _rank(self, kept: Collection[str]) -> dict[str, int]:
+        """Return the parts before each part: supports must not bear each other in a circle."""
+        earlier, before = {}, 0
+        for name in kept:
+            earlier[name] = before
+            before |= 1 << self._numbers[name]
+        return earlier
 
     def _drop_loose(self, kept: Mapping[str, object], reasons: dict[str, LeftOut]) -> None:
         """Leave out the screws and nuts that join a part that is left out."""
@@ -317,7 +331,7 @@ class _Standing:
     def _is_free(self, number: int, present: int, ground: float) -> bool:
         """Return whether a part can leave upwards or sideways, and all others stay."""
         name, others = self._relation.names[number], present & ~(1 << number)
-        joined = any(
+        joined = name in self._parts and any(
             name in joins and others >> self._numbers[screw] & 1
             for screw, joins in self._joined.items()
         )
@@ -326,7 +340,7 @@ class _Standing:
         ):
             return False
         return all(
-            self._stays(other, others, ground)
+            self._stays(other, others & self._earlier[other], ground)
             for other, touched in self._touched.items()
             if touched >> number & 1 and others >> self._numbers[other] & 1
         )
