@@ -17,8 +17,10 @@ from hypothesis import strategies as st
 from skillplan.cli import run
 from skillplan_cad import (
     FitOptions,
+    ImportSettings,
     ReadOptions,
     compute_allowance_m,
+    compute_thread_depth_m,
     find_blocked,
     find_joints,
     read_product,
@@ -66,10 +68,10 @@ def test_a_press_fit_has_a_depth_and_a_volume_whatever_the_facets(tmp_path):
 
 
 def test_a_deeper_overlap_is_interference_until_it_is_declared_or_allowed(tmp_path):
-    folder = write(tmp_path, pin_mm=10.6)
+    folder = write(tmp_path, pin_mm=13.6)
     assert contact(folder).interferes
     assert contact(folder).fit is None
-    assert not contact(folder, allowance_m=4e-4).interferes
+    assert not contact(folder, allowance_m=2e-3).interferes
     declared = contact(folder, press_fits=(("pin", "hub"),))
     assert declared.fit.kind == "press fit"
     assert not declared.interferes
@@ -86,7 +88,12 @@ def test_a_fit_blocks_nothing_along_its_axis(tmp_path):
         return {entry.direction for entry in entries if entry.part == "pin"}
 
     assert blocked(product) == {0, 1, 2, 3, 4, 5}
-    assert blocked(relieve_fits(product, joints.contacts, TOLERANCE_M)) == {0, 1, 2, 3}
+    assert blocked(relieve_fits(product, joints.contacts, joints.fasteners, TOLERANCE_M)) == {
+        0,
+        1,
+        2,
+        3,
+    }
 
 
 def test_a_seal_may_be_squeezed_by_a_third_of_its_section(tmp_path):
@@ -193,6 +200,36 @@ def test_a_press_fit_does_not_hide_that_the_shoulder_is_sunk(tmp_path):
     assert result.overlap_depth_m == pytest.approx(1e-3, rel=0.01)
 
 
+def test_a_shaft_in_a_core_hole_counts_as_a_thread_and_no_deeper(tmp_path):
+    """ISO 261: M10 has a pitch of 1.5 mm, so its thread is 0.92 mm deep in a core hole."""
+    (write(tmp_path, pin_mm=11.7) / "pin.stl").rename(tmp_path / "stud.stl")
+    fit = contact(tmp_path, "hub", "stud").fit
+    assert (fit.kind, fit.allowed_m) == ("thread", pytest.approx(0.92e-3, rel=0.01))
+    assert compute_thread_depth_m(0.003) == pytest.approx(0.307e-3, rel=0.01)
+    assert compute_thread_depth_m(0.1) == 0
+
+
+@pytest.mark.parametrize(("name", "is_fit"), [("dowel", True), ("bar", False)])
+def test_a_pin_in_a_solid_plate_counts_as_a_fit_if_its_name_says_so(tmp_path, name, is_fit):
+    """Its hole is then drilled towards the nearer side, and the pin leaves along its axis."""
+    pin = trimesh.creation.cylinder(radius=3, height=20, sections=48)
+    pin.apply_translation((0, 0, 8))
+    parts = {"plate": block((60, 60, 20)), name: pin}
+    for part, mesh in parts.items():
+        mesh.export(tmp_path / f"{part}.stl")
+    product = read_product(tmp_path, ReadOptions("mm"))
+    joints = find_joints(product, TOLERANCE_M, "axes", "unscrew")
+    (result,) = joints.contacts
+    assert result.interferes == (not is_fit)
+    assert (result.fit is not None and result.fit.kind == "no hole") == is_fit
+    drilled = relieve_fits(product, joints.contacts, joints.fasteners, TOLERANCE_M)
+    entries = find_blocked(drilled, joints.directions, TOLERANCE_M).entries
+    free = set(range(6)) - {entry.direction for entry in entries if entry.part == name}
+    assert free == ({4} if is_fit else set())
+    volume_mm3 = drilled.parts[drilled.index("plate")].volume_m3 * 1e9
+    assert volume_mm3 == pytest.approx(72000)  # masses are those of the parts as drawn
+
+
 @given(st.floats(1e-4, 1.0), st.floats(1e-4, 1.0))
 def test_the_allowance_grows_with_the_diameter(first_m, second_m):
     low, high = sorted((first_m, second_m))
@@ -206,6 +243,11 @@ def test_a_pair_that_does_not_exist_is_refused_with_the_nearest_name(capsys, tmp
         words_given = ["import-cad", source, "--unit", "mm", "--out", str(tmp_path / "out")]
         assert run([*words_given, "--no-cache", "--press-fit", pair]) == 2
         assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_patterns_declare_all_pairs_that_they_fit():
+    options = ImportSettings(press_fit=("pin*,plate",)).resolve_fits(["pin 1", "pin 2", "plate"])
+    assert options.press_fits == (("pin 1", "plate"), ("pin 2", "plate"))
 
 
 # Radii of holes and their pins [mm]: of 0.1 and 0.02 mm of clearance, and pressed.

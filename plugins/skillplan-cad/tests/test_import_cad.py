@@ -161,7 +161,8 @@ def test_a_folder_with_anything_in_it_is_left_alone(made, capsys):
 def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     """On stderr, with names, volumes and places; and in the report."""
     source, out = str(file("interfering")), tmp_path / "product"
-    assert run(["import-cad", source, "--out", str(out), "--format", "json"]) == 0
+    given = ["--fit-allowance", "0.1", "--format", "json"]
+    assert run(["import-cad", source, "--out", str(out), *given]) == 0
     printed = capsys.readouterr()
     assert "block and pin overlap by 38." in printed.err
     document = json.loads(printed.out)
@@ -204,7 +205,8 @@ def test_a_plan_is_told_and_written_as_a_task(made):
 def test_what_is_stuck_is_named_and_the_task_is_written_without_it(tmp_path, capsys):
     """With the part and the point that are in its way, and the options that may help."""
     out = tmp_path / "product"
-    assert run(["import-cad", str(file("interfering")), "--out", str(out)]) == 0
+    given = ["--fit-allowance", "0.1", "--out", str(out)]
+    assert run(["import-cad", str(file("interfering")), *given]) == 0
     message = " ".join(capsys.readouterr().err.split())
     assert "pin is stuck among block: no straight move, path or turn" in message
     assert "try --leave-out pin, or --press-fit pin,block if it is pressed in" in message

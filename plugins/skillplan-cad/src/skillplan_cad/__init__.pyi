@@ -5,10 +5,12 @@ from .build_relation import find_joints as find_joints
 from .importing.findings import Confirmation as Confirmation
 from .importing.planned import choose_attitude as choose_attitude
 from .importing.planned import list_attitude_warnings as list_attitude_warnings
+from .importing.settings import ImportSettings as ImportSettings
 from .joints.fastener_names import recognise_kind as recognise_kind
 from .joints.fasteners_of import FastenerOptions as FastenerOptions
 from .joints.fits import FitOptions as FitOptions
 from .joints.fits import compute_allowance_m as compute_allowance_m
+from .joints.fits import compute_thread_depth_m as compute_thread_depth_m
 from .joints.fits import relieve_fits as relieve_fits
 from .planning.assembly_plan import Planner as Planner
 from .planning.assembly_plan import add_groups as add_groups
@@ -72,6 +74,7 @@ __all__ = [
     "Fastener",
     "FastenerOptions",
     "FitOptions",
+    "ImportSettings",
     "Instance",
     "Item",
     "LeftOut",
@@ -95,6 +98,7 @@ __all__ = [
     "choose_arm",
     "choose_attitude",
     "compute_allowance_m",
+    "compute_thread_depth_m",
     "derive_precedence",
     "encode_set",
     "find_bearing",

@@ -69,7 +69,7 @@ def find_joints(
     fasteners = recognised.fasteners
     directions = choose_directions(source, fits, fasteners, contacts)
     named = _mark_threads(contacts, fasteners, threads, tolerance_m)
-    contacts = classify_overlaps(product, named, fits, options or FitOptions())
+    contacts = classify_overlaps(product, named, fits, fasteners, options or FitOptions())
     return Joints(contacts, fasteners, directions, recognised.notes)
 
 

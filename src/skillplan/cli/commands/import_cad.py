@@ -140,8 +140,9 @@ def command(
             parser=positive_number(),
             metavar="MM",
             help="Greatest depth of an overlap that is a fit instead of interference, on each "
-            "side. Default: the greatest interference of ISO 286 (zc6) by diameter; for seals 30 % "
-            "of the section.",
+            "side. Default: the greatest interference of ISO 286 (zc6) by diameter; for a shaft in "
+            "a hole the depth of a thread; for fasteners 25 % of the radius; for seals 30 % of the "
+            "section.",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
@@ -150,7 +151,8 @@ def command(
         typer.Option(
             "--press-fit",
             metavar="A,B",
-            help="Take the overlap of parts A and B as a fit, however deep. Repeatable.",
+            help="Take the overlap of parts A and B, names or patterns, as a fit, however deep. "
+            "Repeatable.",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,

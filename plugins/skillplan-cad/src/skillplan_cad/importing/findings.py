@@ -279,7 +279,7 @@ def restore_product(content: bytes) -> Product:
 
 _MOST_BYTES = 1 << 30
 # Raised whenever the same file is read as other parts.
-_FORMAT = 3
+_FORMAT = 4
 _HASH_BYTES = 32
 
 
@@ -401,7 +401,7 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
         ),
     )
     joints = restore_joints(content)
-    relieved = relieve_fits(product, joints.contacts, tolerance_m)
+    relieved = relieve_fits(product, joints.contacts, joints.fasteners, tolerance_m)
     if relieved is not product:
         about["joints"] = hashlib.sha256(content).hexdigest()
     content, blocked_hash = stages.run(

@@ -242,17 +242,24 @@ def _list_findings(product: Product, relation: Relation) -> tuple[str, ...]:
 
 
 def _list_fits(relation: Relation) -> list[str]:
-    """Return the fits of a product, the deepest first, one line each."""
+    """Return the number of fits of each kind, and the deepest of each kind, one line each."""
     fits = [
         (contact.fit, contact.parts) for contact in relation.contacts if contact.fit is not None
     ]
     fits.sort(key=lambda item: (-item[0].depth_m, item[1]))
+    kinds = [fit.kind for fit, _ in fits]
+    shown = fits if len(fits) <= _NAMED else [fits[kinds.index(kind)] for kind in sorted({*kinds})]
     lines = [
         f"{fit.kind}: {first} and {second} overlap by {fit.depth_m * 1e3:.3g} mm on each side, "
         f"{fit.volume_m3 * 1e9:.5g} mm3"
         + (f"; up to {fit.allowed_m * 1e3:.3g} mm is a fit" if fit.allowed_m > fit.depth_m else "")
-        for fit, (first, second) in fits[:_NAMED]
+        for fit, (first, second) in shown
     ]
     if len(fits) > _NAMED:
-        lines.append(f"{len(fits) - _NAMED} more fits stand in report.json")
+        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted({*kinds}))
+        lines.insert(
+            0,
+            f"{len(fits)} overlaps count as fits that CAD draws on purpose: {counts}; report.json "
+            "lists them, and the deepest of each kind follow",
+        )
     return lines

@@ -316,8 +316,8 @@ def plan_product(path: Path, findings: Findings, settings: ImportSettings) -> Pl
         bearing = find_bearing(product, relation, bearing.up, without)
     document["attitude"] = build_attitude_document(bearing)
     warnings += list_attitude_warnings(product, relation, bearing, settings.up)
-    contacts = findings.joints.contacts
-    loose = relieve_fits(findings.product, contacts, tolerance_m, PLAY_M)
+    joints = findings.joints
+    loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
     remarks = {
         thinner.name: f"is written with {PLAY_M * 1000:g} mm of play in its press "
         "fits, as no back end presses parts together"
@@ -440,7 +440,8 @@ def _plan_and_replay(
         finer = read_finer(path, findings.product, settings.reading, _FINER)
         same = any(part in findings.product.parts for part in finer)
         share = 1.0 if same else _FINER
-        finer = relieve_fits(finer, findings.joints.contacts, tolerance_m)
+        joints = findings.joints
+        finer = relieve_fits(finer, joints.contacts, joints.fasteners, tolerance_m)
         return serialize_replay(replay(finer, relation, plan, share * tolerance_m))
 
     content, _ = findings.stages.run(

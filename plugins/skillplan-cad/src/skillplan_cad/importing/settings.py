@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
@@ -46,7 +47,7 @@ class ImportSettings:
     fit_allowance_mm
         Greatest depth of an overlap that is a fit, on each side; None for ISO 286.
     press_fit
-        Pairs of part names, as ``A,B``, that are fits of any depth.
+        Pairs of patterns of part names, as ``A,B``, that are fits of any depth.
     fastener, not_fastener
         Patterns of names of parts that are screws, nuts, washers or pins, and that are none.
     density_kg_m3
@@ -111,15 +112,17 @@ class ImportSettings:
         OptionError
             If a pair names a part that is missing.
         """
-        pairs = []
+        pairs: list[tuple[str, str]] = []
         for pair in self.press_fit:
-            first, second = (name.strip() for name in pair.split(","))
-            for name in (first, second):
-                if name not in names:
+            sides = []
+            for pattern in (name.strip() for name in pair.split(",")):
+                sides.append([name for name in names if fits_pattern(name, pattern)])
+                if not sides[-1]:
                     raise OptionError(
-                        f"--press-fit {pair}: there is no part {name}. {name_hint(name, names)}"
+                        f"--press-fit {pair}: there is no part {pattern}. "
+                        f"{name_hint(pattern, names)}"
                     )
-            pairs.append((first, second))
+            pairs += [(first, second) for first, second in product(*sides) if first != second]
         allowance = self.fit_allowance_mm
         return FitOptions(None if allowance is None else allowance / 1000, tuple(pairs))
 

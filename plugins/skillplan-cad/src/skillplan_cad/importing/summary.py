@@ -202,7 +202,7 @@ def shorten_list(messages: Sequence[str], key: str) -> list[str]:
 def list_warnings(findings: Findings, gaps: Sequence[Gap]) -> list[str]:
     """Return the warnings about a product, one sentence each, at most four of a kind."""
     product, relation = findings.product, findings.relation
-    overlaps = [_warn_of_overlap(contact, product) for contact in list_interferences(relation)]
+    overlaps = [_warn_of_overlap(contact) for contact in list_interferences(relation)]
     messages = [
         *shorten_list(product.warnings, "warnings"),
         *shorten_list(overlaps, "interference"),
@@ -214,13 +214,9 @@ def list_warnings(findings: Findings, gaps: Sequence[Gap]) -> list[str]:
     return [*messages, *shorten_list(doubts, "doubts")]
 
 
-def _warn_of_overlap(contact: Contact, product: Product) -> str:
+def _warn_of_overlap(contact: Contact) -> str:
     at = ", ".join(f"{value * 1000:.4g}" for value in contact.overlap_point_m or ())
-    why = (
-        f"of which chords explain {contact.overlap_allowed_m3 * 1e9:.3g}"
-        if product.chord_m
-        else "and meshes state no chord that would explain it"
-    )
+    why = f"of which chords explain {contact.overlap_allowed_m3 * 1e9:.3g}"
     return (
         f"{' and '.join(contact.parts)} overlap by {contact.overlap_m3 * 1e9:.4g} mm3 round "
         f"[{at}] mm, {contact.overlap_depth_m * 1e3:.2g} mm deep, {why}. Correct it in CAD, or "

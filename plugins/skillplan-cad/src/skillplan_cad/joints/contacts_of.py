@@ -55,6 +55,7 @@ class Overlaps:
         self._product, self._meshes, self._middle_m = product, meshes, middle_m
         self._solids: dict[int, tuple[Any, int]] = {}
         self._flat = [_mask_flat(part) for part in product.parts]
+        self._chords_mm: dict[int, Floats] = {}
 
     def intersect(self, first: int, second: int) -> Overlap | None:
         """Return the overlap of two parts, or None."""
@@ -70,16 +71,16 @@ class Overlaps:
             # The overlap has a cavity.
             pieces = [shared]
         pieces.sort(key=lambda piece: -piece.volume())
-        flat = (self._flat[first], self._flat[second])
-        surfaces = [_OverlapSurface(piece, mark, flat) for piece in pieces[:_PIECES]]
+        chords = (self._get_chords_mm(first), self._get_chords_mm(second))
+        surfaces = [_OverlapSurface(piece, mark, chords) for piece in pieces[:_PIECES]]
         middle = surfaces[0].find_middle_mm()
-        allowed = _OverlapSurface(shared, mark, flat).compute_allowed_mm3(self._product.chord_m)
+        allowed = _OverlapSurface(shared, mark, chords).compute_allowed_mm3()
         depth, section = 0.0, 0.0
         if volume > allowed:
             deep = [
                 surface
                 for surface, piece in zip(surfaces, pieces, strict=False)
-                if piece.volume() > surface.compute_allowed_mm3(self._product.chord_m)
+                if piece.volume() > surface.compute_allowed_mm3()
             ]
             meshes = (self._meshes[first], self._meshes[second])
             part = self._product.parts[first]
@@ -87,6 +88,14 @@ class Overlaps:
                 surface.measure(part, meshes, self._middle_m) for surface in deep or surfaces[:1]
             )
         return Overlap(volume, float(shared.surface_area()), allowed, middle, depth, section)
+
+    def _get_chords_mm(self, number: int) -> Floats:
+        if number not in self._chords_mm:
+            chord_m = self._product.chord_m
+            part = self._product.parts[number]
+            chords = _estimate_chords_mm(part) if not chord_m else chord_m * 1000
+            self._chords_mm[number] = np.where(self._flat[number], 0.0, chords)
+        return self._chords_mm[number]
 
     def _build_solid(self, number: int) -> tuple[Any, int]:
         if number not in self._solids:
@@ -121,13 +130,11 @@ class _OverlapSurface:
     ----------
     mark
         Mark of the first part.
-    flat
-        Mask of the flat triangles of each part.
+    chords_mm
+        Chords of the triangles of each part; 0 for flat faces.
     """
 
-    def __init__(
-        self, solid: Any, mark: int, flat: tuple[NDArray[np.bool_], NDArray[np.bool_]]
-    ) -> None:
+    def __init__(self, solid: Any, mark: int, chords_mm: tuple[Floats, Floats]) -> None:
         mesh = solid.to_mesh64()
         self._vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
         self._triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
@@ -135,9 +142,9 @@ class _OverlapSurface:
         counts = starts[1:] - starts[:-1]
         self._is_first = np.repeat(np.asarray(mesh.run_original_id) == mark, counts)
         faces = np.asarray(mesh.face_id, dtype=np.int64)
-        self._is_flat = np.zeros(len(faces), dtype=np.bool_)
-        for mask, own in zip(flat, (self._is_first, ~self._is_first), strict=True):
-            self._is_flat[own] = mask[faces[own]]
+        self._chords_mm = np.zeros(len(faces))
+        for chords, own in zip(chords_mm, (self._is_first, ~self._is_first), strict=True):
+            self._chords_mm[own] = chords[faces[own]]
 
     def find_middle_mm(self) -> Floats:
         """Return the centre of the volume."""
@@ -146,13 +153,13 @@ class _OverlapSurface:
         centres = (corners.sum(axis=1) + self._vertices[0]) / 4
         return np.asarray((volumes[:, None] * centres).sum(axis=0) / volumes.sum())
 
-    def compute_allowed_mm3(self, chord_m: float) -> float:
+    def compute_allowed_mm3(self) -> float:
         """Return the volume explained by chords of curved faces, on both sides, and rounding."""
         corners = self._vertices[self._triangles]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         areas = np.linalg.norm(across, axis=1) / 2
-        curved = float(areas[~self._is_flat].sum()) * chord_m * 1000
-        return curved + float(areas[self._is_flat].sum()) / 2 * _FLAT_NOISE_MM
+        chords = np.where(self._chords_mm > 0, self._chords_mm, _FLAT_NOISE_MM / 2)
+        return float(areas @ chords)
 
     def measure(
         self, like: Part, meshes: tuple[RayMesh, RayMesh], middle_m: Floats
@@ -316,6 +323,19 @@ def _samples(part: Part, mesh: RayMesh) -> Samples:
     u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
     points = a[which] + u[:, None] * ab[which] + v[:, None] * ac[which]
     return Samples(points, mesh.normals[which], (area / count)[which], which)
+
+
+def _estimate_chords_mm(part: Part) -> Floats:
+    """Return the distance of each triangle of a mesh from the cylinder that it stands for; or 0."""
+    chords = np.zeros(len(part.triangles))
+    for face in part.faces:
+        if face.kind == "cylinder":
+            corners = part.vertices_m[part.triangles[face.triangles]] - face.origin_m
+            across = corners - (corners @ face.axis)[..., None] * np.asarray(face.axis)
+            middles = (across + across[:, [1, 2, 0]]) / 2
+            nearest = np.linalg.norm(middles, axis=2).min(axis=1)
+            chords[face.triangles] = np.maximum(0.0, face.radius_m - nearest) * 1000
+    return chords
 
 
 def _mask_flat(part: Part) -> NDArray[np.bool_]:

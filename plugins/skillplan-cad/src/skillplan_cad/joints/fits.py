@@ -1,6 +1,7 @@
 """Overlaps that CAD draws on purpose: press fits, threads and seals, up to an allowance.
 
 Sources: ISO 286-1:2010, tables 1 and 4 (standard tolerances and deviations of shafts zc);
+ISO 261:1998 and ISO 68-1:1998 (coarse pitch and depth of metric threads);
 ISO 3601-2 (squeeze of O-rings).
 """
 
@@ -9,14 +10,16 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
 from skillplan_cad.joints.fastener_names import is_seal_name
-from skillplan_cad.product import Face, Part, Points, Product, make_solid
+from skillplan_cad.joints.turned_shape import describe_turned_shape
+from skillplan_cad.product import Face, Part, Points, Product, Vector, make_solid
 from skillplan_cad.reading.surface_fit import fit_faces
-from skillplan_cad.relation import Contact, Fit, FitKind
+from skillplan_cad.relation import Contact, Fastener, Fit, FitKind
 
 # Largest diameter of each step [mm]; fundamental deviation zc and tolerance IT6 of shafts [um].
 _STEPS_MM = (
@@ -28,32 +31,25 @@ _ZC_UM = (
     *(1350, 1550, 1700, 1900, 2100, 2400, 2600),
 )
 _IT6_UM = (
-    6,
-    8,
-    9,
-    11,
-    11,
-    13,
-    13,
-    16,
-    16,
-    19,
-    19,
-    22,
-    22,
-    *(25,) * 3,
-    *(29,) * 3,
-    32,
-    32,
-    36,
-    36,
-    40,
-    40,
+    *(6, 8, 9, 11, 11, 13, 13, 16, 16, 19, 19, 22, 22),
+    *(25, 25, 25, 29, 29, 29, 32, 32, 36, 36, 40, 40),
 )
+# Largest diameter and coarse pitch of metric threads [mm]; depth of a thread, in pitches.
+_THREADS_MM = (1, 1.2, 1.6, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 30, 36, 42, 48, 56, 64)
+_PITCHES_MM = (
+    *(0.25, 0.25, 0.35, 0.4, 0.45, 0.5, 0.7, 0.8, 1, 1.25, 1.5),
+    *(1.75, 2, 2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6),
+)
+_THREAD_DEPTH = 0.6134
+# Greatest depth of an overlap of a fastener with what it joins, in radii; of a hole that is not
+# drawn, at least.
+_SHARE, _NO_HOLE = 0.25, 0.8
 # Largest squeeze of a seal, as a share of its section.
 _SQUEEZE = 0.3
 # Overlap that a press fit explains, as a share of its own volume.
 _EXPLAINED = 1.25
+# Corners of a drilled hole.
+_CORNERS = 48
 # Smallest depth that is no rounding error, in metres and in radii.
 _NOISE_M, _NOISE = 1e-6, 1e-4
 
@@ -80,58 +76,121 @@ def compute_allowance_m(diameter_m: float) -> float:
     return (_ZC_UM[step] + _IT6_UM[step]) * 1e-6 / 2
 
 
+def compute_thread_depth_m(diameter_m: float) -> float:
+    """Return the depth of a coarse metric thread in a core hole [m]; 0 above 64 mm."""
+    step = bisect_left(_THREADS_MM, diameter_m * 1000 - 1e-6)
+    return _THREAD_DEPTH * _PITCHES_MM[step] * 1e-3 if step < len(_PITCHES_MM) else 0.0
+
+
 def classify_overlaps(
-    product: Product, contacts: Sequence[Contact], fits: Sequence[CylinderFit], options: FitOptions
+    product: Product,
+    contacts: Sequence[Contact],
+    fits: Sequence[CylinderFit],
+    fasteners: Sequence[Fastener],
+    options: FitOptions,
 ) -> tuple[Contact, ...]:
     """Return contacts whose overlaps are fits marked as such."""
     declared = {frozenset(pair) for pair in options.press_fits}
+    joined = {
+        frozenset((fastener.part, other)): fastener
+        for fastener in fasteners
+        for other in fastener.joins
+    }
     classified = []
     for contact in contacts:
         first, second = (product.index(name) for name in contact.parts)
         own = [fit for fit in fits if {fit.inner, fit.outer} == {first, second}]
-        pair = (product.parts[first], product.parts[second])
-        fit = _find_fit(contact, pair, own, options, frozenset(contact.parts) in declared)
-        classified.append(replace(contact, fit=fit))
+        overlap = _Overlap(
+            contact,
+            (product.parts[first], product.parts[second]),
+            [fit for fit in own if _measure_depth_m(fit) > 0],
+            joined.get(frozenset(contact.parts)),
+            frozenset(contact.parts) in declared,
+        )
+        classified.append(replace(contact, fit=overlap.classify(options)))
     return tuple(classified)
 
 
-def _find_fit(
-    contact: Contact,
-    parts: tuple[Part, Part],
-    fits: Sequence[CylinderFit],
-    options: FitOptions,
-    is_declared: bool,
-) -> Fit | None:
-    """Return the fit that a contact's overlap is, or None."""
-    tight = [fit for fit in fits if _measure_depth_m(fit) > 0]
-    smaller = min(parts, key=lambda part: part.volume_m3)
-    section_m = float(np.min(smaller.bounds_m[1] - smaller.bounds_m[0]))
-    depth_m, volume_m3, diameter_m = 0.0, contact.overlap_m3, section_m
-    kind: FitKind = "overlap"
-    if tight:
-        deepest = max(tight, key=_measure_depth_m)
-        depth_m, diameter_m = _measure_depth_m(deepest), 2 * deepest.hole.radius_m
-        volume_m3 = sum(_measure_volume_m3(fit) for fit in tight)
-        kind = "press fit"
+@dataclass(frozen=True, slots=True)
+class _Overlap:
+    """An overlap of two parts.
+
+    Parameters
+    ----------
+    tight
+        Shafts of one part in narrower holes of the other.
+    fastener
+        The fastener that one part is, if it joins the other.
+    is_declared
+        True if the user declares a fit.
+    """
+
+    contact: Contact
+    parts: tuple[Part, Part]
+    tight: Sequence[CylinderFit]
+    fastener: Fastener | None
+    is_declared: bool
+
+    def classify(self, options: FitOptions) -> Fit | None:
+        """Return the fit that the overlap is, or None."""
+        depth_m, volume_m3, diameter_m, is_elsewhere = self._measure()
+        if depth_m <= 0:
+            return None
+        radius_m = 0.0 if self.fastener is None else self.fastener.diameter_m / 2
+        # A part inside another is as deep as the overlap is long.
+        has_hole = bool(self.tight) or depth_m < _NO_HOLE * radius_m
+        if self.contact.kind == "thread":
+            kind: FitKind = "thread" if has_hole else "thread in solid"
+            return Fit(kind, depth_m, depth_m, volume_m3)
+        if self.is_declared:
+            return Fit("press fit", depth_m, depth_m, volume_m3)
+        if self.fastener is not None and not has_hole and self.fastener.kind in ("screw", "pin"):
+            return Fit("no hole", depth_m, depth_m, volume_m3)
+        if options.allowance_m is not None:
+            limits: list[tuple[FitKind, float]] = [("overlap", options.allowance_m)]
+        else:
+            # Only the overlap of a shaft with its hole may be a thread.
+            limits = self._list_limits(diameter_m)[: 1 if is_elsewhere else None]
+        kinds = [(kind, limit_m) for kind, limit_m in limits if depth_m <= limit_m]
+        if not kinds:
+            return None
+        kind, allowed_m = kinds[0]
+        return Fit(
+            "press fit" if kind == "overlap" and self.tight else kind, depth_m, allowed_m, volume_m3
+        )
+
+    def _measure(self) -> tuple[float, float, float, bool]:
+        """Return depth, volume and diameter, and whether parts overlap outside of their hole."""
+        contact = self.contact
+        section_m = self._measure_section_m()
+        is_deep = contact.overlap_m3 > contact.overlap_allowed_m3
+        if not self.tight:
+            depth_m = contact.overlap_depth_m if is_deep else 0.0
+            return depth_m, contact.overlap_m3, min(section_m, contact.overlap_section_m), False
+        deepest = max(self.tight, key=_measure_depth_m)
+        depth_m = _measure_depth_m(deepest)
+        volume_m3 = sum(_measure_volume_m3(fit) for fit in self.tight)
         explained_m3 = _EXPLAINED * volume_m3 + contact.overlap_allowed_m3
-        if contact.overlap_m3 > explained_m3 and contact.kind != "thread":
-            # The parts overlap elsewhere, too.
+        is_elsewhere = contact.overlap_m3 > explained_m3 and contact.kind != "thread"
+        if is_elsewhere:
             depth_m = max(depth_m, contact.overlap_depth_m)
-    elif contact.overlap_m3 > contact.overlap_allowed_m3:
-        depth_m = contact.overlap_depth_m
-        diameter_m = min(section_m, contact.overlap_section_m)
-    if depth_m <= 0:
-        return None
-    allowed_m = options.allowance_m
-    if allowed_m is None:
+        return depth_m, volume_m3, 2 * deepest.hole.radius_m, is_elsewhere
+
+    def _measure_section_m(self) -> float:
+        smaller = min(self.parts, key=lambda part: part.volume_m3)
+        return float(np.min(smaller.bounds_m[1] - smaller.bounds_m[0]))
+
+    def _list_limits(self, diameter_m: float) -> list[tuple[FitKind, float]]:
+        """Return the kinds of fits in question with their greatest depths [m]."""
         allowed_m = compute_allowance_m(diameter_m)
-        if any(is_seal_name(part.name) for part in parts):
-            kind, allowed_m = "seal", max(allowed_m, _SQUEEZE * section_m)
-    if contact.kind == "thread":
-        return Fit("thread", depth_m, depth_m, volume_m3)
-    if is_declared:
-        return Fit("press fit", depth_m, depth_m, volume_m3)
-    return Fit(kind, depth_m, allowed_m, volume_m3) if depth_m <= allowed_m else None
+        limits: list[tuple[FitKind, float]] = [("overlap", allowed_m)]
+        if any(is_seal_name(part.name) for part in self.parts):
+            limits = [("seal", max(allowed_m, _SQUEEZE * self._measure_section_m()))]
+        if self.fastener is not None:
+            limits.append(("overlap", _SHARE * self.fastener.diameter_m / 2))
+        if self.tight:
+            limits.append(("thread", compute_thread_depth_m(diameter_m)))
+        return limits
 
 
 def _measure_depth_m(fit: CylinderFit) -> float:
@@ -147,11 +206,16 @@ def _measure_volume_m3(fit: CylinderFit) -> float:
 
 
 def relieve_fits(
-    product: Product, contacts: Sequence[Contact], tolerance_m: float, play_m: float = 0.0
+    product: Product,
+    contacts: Sequence[Contact],
+    fasteners: Sequence[Fastener],
+    tolerance_m: float,
+    play_m: float = 0.0,
 ) -> Product:
     """Return a product whose fits touch instead of overlapping.
 
-    A shaft gets the size of its hole; of other pairs the smaller part loses the overlap.
+    A shaft gets the size of its hole; a hole that is not drawn is drilled; of other pairs the
+    smaller part loses the overlap.
 
     Parameters
     ----------
@@ -161,22 +225,112 @@ def relieve_fits(
         Play between a shaft and its hole, on each side [m].
     """
     parts = list(product.parts)
-    pressed = [contact for contact in contacts if contact.fit and contact.fit.kind != "thread"]
+    pressed = [contact for contact in contacts if contact.fit and contact.kind != "thread"]
     if not pressed:
         return product
     fits = find_cylinder_fits(product)
     for contact in pressed:
-        numbers = {product.index(name) for name in contact.parts}
+        numbers = [product.index(name) for name in contact.parts]
         tight = [
-            fit for fit in fits if {fit.inner, fit.outer} == numbers and _measure_depth_m(fit) > 0
+            fit
+            for fit in fits
+            if {fit.inner, fit.outer} == set(numbers) and _measure_depth_m(fit) > 0
         ]
         for fit in tight:
             parts[fit.inner] = _turn_down(parts[fit.inner], fit, play_m)
         deep = contact.fit is not None and contact.fit.depth_m > tolerance_m / 2
         if not tight and deep:
-            first, second = sorted(numbers, key=lambda number: parts[number].volume_m3)
-            parts[first] = _cut_away(parts[first], parts[second])
+            smaller, larger = sorted(numbers, key=lambda number: parts[number].volume_m3)
+            line = _find_line(contact, parts[smaller], fasteners)
+            if line is None:
+                parts[smaller] = _cut_away(parts[smaller], parts[larger])
+            else:
+                own = product.index(line.part)
+                other = smaller if own == larger else larger
+                parts[other] = _drill(parts[other], parts[own], line, play_m)
     return replace(product, parts=tuple(parts))
+
+
+def _find_line(contact: Contact, smaller: Part, fasteners: Sequence[Fastener]) -> Fastener | None:
+    """Return the fastener whose hole is missing, or None if the overlap is of another kind.
+
+    Of a declared fit, the smaller part counts as a pin if it is round.
+    """
+    assert contact.fit is not None
+    if contact.fit.kind == "no hole":
+        return next(
+            fastener
+            for fastener in fasteners
+            if fastener.part in contact.parts and set(contact.parts) & set(fastener.joins)
+        )
+    shape = describe_turned_shape(smaller) if contact.fit.kind == "press fit" else None
+    if shape is None or contact.fit.depth_m < _NO_HOLE * shape.shank_m:
+        return None
+    return Fastener(
+        smaller.name,
+        "pin",
+        _vector(shape.axis),
+        _vector(shape.origin_m),
+        2 * shape.shank_m,
+        shape.length_m,
+        (),
+        (),
+        ("option",),
+    )
+
+
+def _vector(numbers: Points) -> Vector:
+    x, y, z = (float(number) for number in numbers)
+    return x, y, z
+
+
+def _drill(part: Part, fastener: Part, line: Fastener, play_m: float) -> Part:
+    """Return a part with the hole that a fastener in it needs, open towards the nearer side.
+
+    A screw's hole opens towards its head.
+    """
+    import manifold3d
+
+    frame = _build_frame(np.asarray(line.axis))
+    origin = np.asarray(line.point_m)
+    solids = [
+        make_solid((item.vertices_m - origin) @ frame.T, item.triangles)
+        for item in (part, fastener)
+    ]
+    shared = solids[0] ^ solids[1]
+    if shared.is_empty():
+        return part
+    points = np.asarray(shared.to_mesh64().vert_properties, dtype=np.float64)[:, :3]
+    wide_mm = float(np.linalg.norm(points[:, :2], axis=1).max()) + play_m * 1000
+    # Corners of the polygon are outside of the circle.
+    wide_mm /= np.cos(np.pi / _CORNERS)
+    box = solids[0].bounding_box()
+    low, high = float(points[:, 2].min()), float(points[:, 2].max())
+    holes = [
+        manifold3d.Manifold.cylinder(end - start, wide_mm, wide_mm, _CORNERS).translate(
+            (0, 0, start)
+        )
+        for start, end in ((low, box[5] + 1), (box[2] - 1, high))
+    ]
+    if line.kind == "pin":
+        holes.sort(key=lambda hole: float((solids[0] ^ hole).volume()))
+    return _replace_solid(part, solids[0] - holes[0], frame, origin)
+
+
+def _build_frame(axis: Points) -> Points:
+    """Return two directions across an axis and the axis, one per row."""
+    across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(axis, across), axis])
+
+
+def _replace_solid(part: Part, solid: Any, frame: Points, origin_m: Points) -> Part:
+    """Return a part with the shape of a solid in millimetres."""
+    mesh = solid.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3] / 1000 @ frame + origin_m
+    triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
+    faces = fit_faces(vertices, triangles)
+    return replace(part, vertices_m=vertices, triangles=triangles, faces=faces)
 
 
 def _turn_down(part: Part, fit: CylinderFit, play_m: float) -> Part:
@@ -216,12 +370,4 @@ def _cut_away(part: Part, other: Part) -> Part:
     rest = solids[0] - solids[1]
     if rest.is_empty() or rest.volume() < 0.5 * solids[0].volume():
         return part
-    mesh = rest.to_mesh64()
-    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3] / 1000
-    triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
-    return replace(
-        part,
-        vertices_m=vertices,
-        triangles=triangles,
-        faces=fit_faces(vertices, triangles),
-    )
+    return _replace_solid(part, rest, np.eye(3), np.zeros(3))
