@@ -13,9 +13,16 @@ from PIL import Image as PillowImage
 
 from cad_products import FIXTURES, file
 from skillplan.cli import run
+from skillplan.errors import OptionError
 from skillplan.plugins import installed
 from skillplan.views.report import draw_import
-from skillplan_cad import read_relation
+from skillplan_cad import (
+    ReadOptions,
+    assign_materials,
+    parse_material,
+    read_product,
+    read_relation,
+)
 from skillplan_cad.importing import import_cad
 from thinned import slow_case
 
@@ -221,3 +228,28 @@ def test_without_the_plugin_the_command_says_how_to_get_it(monkeypatch, capsys, 
     monkeypatch.setattr(installed, "importers", list)
     assert run(["import-cad", SOURCE, "--out", str(tmp_path / "product")]) == 2
     assert "skillplan[cad]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("cap", "give a pattern and a material, as 'lid*=abs'"),
+        ("cap=aluminum", "is not one of steel,"),
+        ("cap=aluminum", "Did you mean 'aluminium'?"),
+        ("cap=inf", "a density must be from 1 to 30000 kg/m3"),
+        ("cap=0.5", "a density must be from 1 to 30000 kg/m3"),
+    ],
+)
+def test_a_wrong_material_is_refused_with_what_there_is(text, message):
+    with pytest.raises(OptionError, match=re.escape(message)):
+        parse_material(text)
+
+
+def test_the_last_material_that_fits_a_part_counts_and_the_default_is_told_once():
+    product = read_product(file("threads"), ReadOptions())
+    known, materials = assign_materials(product, ["c*=abs", "cap=1850", "bolt=stainless"], 2700)
+    assert materials == {"cap": "1850", "bolt": "stainless"}
+    assert [part.density_kg_m3 for part in known] == [2700, 1850, 7900]
+    assert known.notes[-1].startswith("masses assume 2700 kg/m3 for 1 of 3 parts")
+    with pytest.raises(OptionError, match=r"no part has such a name\. Did you mean 'cap'\?"):
+        assign_materials(product, ["cab=abs"], 7850)

@@ -3,6 +3,8 @@ from .build_relation import assemble_relation as assemble_relation
 from .build_relation import find_blocked as find_blocked
 from .build_relation import find_joints as find_joints
 from .importing.findings import Confirmation as Confirmation
+from .importing.materials import assign_materials as assign_materials
+from .importing.materials import parse_material as parse_material
 from .importing.planned import choose_attitude as choose_attitude
 from .importing.planned import list_attitude_warnings as list_attitude_warnings
 from .importing.settings import ImportSettings as ImportSettings
@@ -93,6 +95,7 @@ __all__ = [
     "StepContent",
     "add_groups",
     "assemble_relation",
+    "assign_materials",
     "assign_task_names",
     "build_task",
     "choose_arm",
@@ -117,6 +120,7 @@ __all__ = [
     "list_members",
     "list_names",
     "mend",
+    "parse_material",
     "place_upright",
     "prepare",
     "read_document",

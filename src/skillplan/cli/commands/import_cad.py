@@ -192,7 +192,18 @@ def command(
             "--density",
             parser=positive_number(),
             metavar="KG/M3",
-            help="Density of all parts. Default: 7850 (steel).",
+            help="Density of the parts without a material. Default: 7850 (steel).",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    material: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--material",
+            metavar="PATTERN=MATERIAL",
+            help="Material of the parts whose name fits PATTERN, such as 'lid*=abs': steel, "
+            "stainless, cast-iron, aluminium, brass, copper, titanium, abs, pla, pa, pom, pc, "
+            "wood and others, or a density in kg/m3. Repeatable; the last that fits counts.",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
@@ -289,6 +300,7 @@ def command(
             "only": only,
             "as_one": as_one,
             "density_kg_m3": density,
+            "material": material,
             "jobs": jobs,
             "keep": not no_cache,
         },

@@ -28,6 +28,7 @@ from skillplan_cad.build_relation import (
     find_blocked,
     find_joints,
 )
+from skillplan_cad.importing.materials import assign_materials
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.joints.fits import relieve_fits
 from skillplan_cad.planning.shrunk_meshes import MeshTree, shrink_mesh
@@ -349,6 +350,8 @@ class Findings:
     ----------
     product
         Parts as drawn.
+    materials
+        Names of stated materials by part.
     relieved
         Parts whose fits touch instead of overlapping.
     """
@@ -361,6 +364,7 @@ class Findings:
     relation: Relation
     stages: KeptStages
     read_hash: str
+    materials: Mapping[str, str]
 
 
 def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
@@ -379,7 +383,9 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
             read_product(path, reading, lambda text: tell(f"reading: {text}"))
         ),
     )
-    product = restore_product(content)
+    product, materials = assign_materials(
+        restore_product(content), settings.material, settings.density_kg_m3
+    )
     _refuse_fine(path, product, tolerance_m)
     names = [part.name for part in product]
     options, declared = settings.resolve_fits(names), settings.resolve_fasteners(names)
@@ -430,7 +436,9 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
     )
     relation = assemble_relation(product, joints, blocked, tolerance_m, settings.threads)
     doubts = restore_doubts(content)
-    return Findings(product, relieved, joints, blocked, doubts, relation, stages, read_hash)
+    return Findings(
+        product, relieved, joints, blocked, doubts, relation, stages, read_hash, materials
+    )
 
 
 def _refuse_fine(path: Path, product: Product, tolerance_m: float) -> None:

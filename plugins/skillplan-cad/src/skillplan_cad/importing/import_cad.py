@@ -61,6 +61,8 @@ def build_report(
                 "design": part.design,
                 "kind": known.kind,
                 "mass_kg": known.mass_kg,
+                "density_kg_m3": part.density_kg_m3,
+                "material": findings.materials.get(part.name),
                 "volume_mm3": round(part.volume_m3 * 1e9, 3),
                 "centre_mm": _mm3(part.centre_m),
                 "size_mm": [_mm(float(extent)) for extent in part.bounds_m[1] - part.bounds_m[0]],

@@ -10,6 +10,7 @@ from typing import Any
 from skillplan.errors import OptionError, name_hint
 from skillplan.robots.catalogue import ARMS
 from skillplan_cad.build_relation import Threads
+from skillplan_cad.importing.materials import parse_material
 from skillplan_cad.joints.directions import Source
 from skillplan_cad.joints.fasteners_of import FastenerOptions
 from skillplan_cad.joints.fits import FitOptions
@@ -51,7 +52,9 @@ class ImportSettings:
     fastener, not_fastener
         Patterns of names of parts that are screws, nuts, washers or pins, and that are none.
     density_kg_m3
-        Density of all parts, 1 to 30,000.
+        Density of the parts without a material, 1 to 30,000.
+    material
+        Materials of parts, as ``PATTERN=MATERIAL``.
     keep
         True to cache stages on disk.
     """
@@ -74,6 +77,7 @@ class ImportSettings:
     fastener: tuple[str, ...] = ()
     not_fastener: tuple[str, ...] = ()
     density_kg_m3: float = STEEL_KG_M3
+    material: tuple[str, ...] = ()
     jobs: int = 1
     keep: bool = True
 
@@ -98,6 +102,8 @@ class ImportSettings:
                 f"--robot {self.robot}: must be one of {', '.join(arms)}. "
                 f"{name_hint(self.robot, arms)}"
             )
+        for material in self.material:
+            parse_material(material)
         if not 1 <= self.density_kg_m3 <= 30000:
             raise OptionError(
                 f"--density {self.density_kg_m3:g}: must be from 1 to 30000 kg/m3; steel has "
@@ -163,7 +169,6 @@ class ImportSettings:
             self.unit,
             chord / 1000,
             self.split_bodies,
-            self.density_kg_m3,
             None if self.thickness_mm is None else self.thickness_mm / 1000,
             self.leave_out,
             self.only,

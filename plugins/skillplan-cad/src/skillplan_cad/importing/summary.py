@@ -149,6 +149,11 @@ def list_advice(document: Mapping[str, Any], relation: Relation, folder: str) ->
         Folder of the output files.
     """
     lines = []
+    too_heavy = {
+        name
+        for name, reason in document.get("left_out_why", {}).items()
+        if reason["kind"] == "too heavy"
+    }
     overlaps = list_interferences(relation)
     if overlaps:
         lines.append(f"overlaps  {_describe_interferences(overlaps)}")
@@ -160,6 +165,18 @@ def list_advice(document: Mapping[str, Any], relation: Relation, folder: str) ->
         words = f"free({name})"
         file = shlex.quote(f"{folder}/relation.json")
         lines.append(f"explain   skillplan explain {file} {shlex.quote(words)}")
+    heavy = [
+        part["name"]
+        for part in document["parts"]
+        if part["material"] is None and part["name"] in too_heavy
+    ]
+    if heavy:
+        more = f" and {len(heavy) - _SHOWN} more" if len(heavy) > _SHOWN else ""
+        option = shlex.quote(f"{heavy[0]}=aluminium")
+        lines.append(
+            f"material  assumed for what is too heavy, {', '.join(heavy[:_SHOWN])}{more}: state it "
+            f"by --material {option}"
+        )
     lines.append(f"details   {folder}/report.json, and to look at: {folder}/import.html")
     return lines
 

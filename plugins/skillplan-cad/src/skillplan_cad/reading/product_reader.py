@@ -238,7 +238,6 @@ class ReadOptions:
     unit: str | None = None
     chord_m: float = 5e-5
     split_bodies: bool = False
-    density_kg_m3: float = STEEL_KG_M3
     thickness_m: float | None = None
     leave_out: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
@@ -285,10 +284,6 @@ def read_product(path: Path, options: ReadOptions, report: Report | None = None)
     _refuse_single(path, parts, warnings)
     if raw.chord_m == 0:
         warnings += _question_unit(parts, raw.unit)
-    notes.append(
-        f"masses are those of a density of {options.density_kg_m3:g} kg/m3"
-        + (", steel" if options.density_kg_m3 == STEEL_KG_M3 else "")
-    )
     if repeated:
         shown = ", ".join(repeated[:_NAMED]) + (" and others" if len(repeated) > _NAMED else "")
         notes.append(f"names that repeat are numbered: {shown}")
@@ -732,7 +727,7 @@ def _build_part(mesh: Mended, shape: int, mirrors: int | None, options: ReadOpti
         triangles=part.triangles,
         faces=faces,
         volume_m3=volume_m3,
-        density_kg_m3=options.density_kg_m3,
+        density_kg_m3=STEEL_KG_M3,
         centre_m=(float(centre[0]), float(centre[1]), float(centre[2])),
         shape=shape,
         mirrors=mirrors,
