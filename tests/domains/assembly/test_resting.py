@@ -211,6 +211,8 @@ ASKEW = "hole_m: [0.4825, 0.0, 0.005], axis: [1, 0, 0]"
         ("hole_m: [0.5, 0.0]", 0.0084, None),
         (UPRIGHT.replace("0.5", "0.517"), 0.0084, None),
         (UPRIGHT.replace("0.01]", "0.012]"), 0.0084, "the hole does not lie over the top"),
+        (UPRIGHT.replace("0.5", "0.5012"), 0.0084, None),
+        (UPRIGHT.replace("0.5", "0.5018"), 0.0084, "the hole does not lie over the top"),
         (ASKEW.replace("0.4825", "0.48"), 0.006, None),
         (ASKEW, 0.006, "the hole does not lie on a surface of 'plate'"),
     ],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations, product
 
 from skillplan.collision.boxes import WorldBox, box_at
@@ -23,6 +23,8 @@ from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus
 _MAX_SHAPES = 1024
 # More than twice the density of the densest chemical element [kg/m3].
 _MOST_DENSITY_KG_M3 = 50_000.0
+# Least share of the rim of a screw's head that rests on its part.
+_LEAST_RIM = 5 / 6
 # Start of a ray above the mouth of a hole [m].
 _FAR_M = 0.002
 
@@ -203,17 +205,33 @@ def _is_vertical(screw: ScrewConfig) -> bool:
 def _has_upright_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     """Return True if the head of an upright screw rests on its part.
 
-    It does if the part's top is at the mouth on the axis (the hole is not modelled), or all round
-    under the rim of the head.
+    It does if the part's top is at the mouth on the axis (the hole is not modelled), or under the
+    rim of the head.
     """
     layout = get_layout(config)
     through, (x_m, y_m, z_m) = layout.goal(screw.through), layout.hole(screw)
 
-    def lies(at_x_m: float, at_y_m: float) -> bool:
+    def rise_m(at_x_m: float, at_y_m: float) -> float:
         top_m = through.top_m(at_x_m, at_y_m)
-        return top_m is not None and abs(top_m - z_m) <= TOUCH_M
+        return -math.inf if top_m is None else top_m - z_m
 
-    return lies(x_m, y_m) or all(lies(x_m + dx_m, y_m + dy_m) for dx_m, dy_m in list_rim(screw))
+    return abs(rise_m(x_m, y_m)) <= TOUCH_M or _bears_rim(
+        [rise_m(x_m + dx_m, y_m + dy_m) for dx_m, dy_m in list_rim(screw)]
+    )
+
+
+def _bears_rim(rises_m: Sequence[float]) -> bool:
+    """Return True if the rim of a head rests on the part, and nowhere enters it.
+
+    A slot, or seams of convex pieces, may be beneath a sixth of the rim.
+
+    Parameters
+    ----------
+    rises_m
+        Heights of the part's surface above the seat at equal steps round the rim [m].
+    """
+    rests = sum(abs(rise_m) <= TOUCH_M for rise_m in rises_m)
+    return max(rises_m) <= TOUCH_M and rests >= _LEAST_RIM * len(rises_m)
 
 
 def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
@@ -223,15 +241,15 @@ def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     into, mouth = to_part.rotate(screw.direction), to_part.apply(layout.hole(screw))
     shapes = config.parts[screw.through].shapes
 
-    def lies(point: Point) -> bool:
+    def rise_m(point: Point) -> float:
         met_m = trace_ray_m(shapes, plus(point, into, -_FAR_M), into)
-        return met_m is not None and abs(met_m - _FAR_M) <= TOUCH_M
+        return -math.inf if met_m is None else _FAR_M - met_m
 
     level = min(AXES.values(), key=lambda axis: abs(dot(axis, into)))
     across = unit(cross(into, level))
     other = cross(into, across)
-    return lies(mouth) or all(
-        lies(plus(plus(mouth, across, x_m), other, y_m)) for x_m, y_m in list_rim(screw)
+    return abs(rise_m(mouth)) <= TOUCH_M or _bears_rim(
+        [rise_m(plus(plus(mouth, across, x_m), other, y_m)) for x_m, y_m in list_rim(screw)]
     )
 
 
