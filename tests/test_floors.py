@@ -53,7 +53,7 @@ OPENS = {
     "skillplan_ray/access.py": "the token of a cluster, and a folder of its own for its session",
     "skillplan_ray/fingerprint.py": "the process file system, and the sources of packages",
     "skillplan_cad/reading/step_file.py": "a folder of its own, in which OCCT reads",
-    "skillplan_cad/writing/task_document.py": "a task to be checked, in a folder of its own",
+    "skillplan_cad/writing/trial.py": "a task to be checked, in a folder of its own",
     "skillplan_ros2/exporter.py": "a bag of its own, in a folder of its own",
 }
 

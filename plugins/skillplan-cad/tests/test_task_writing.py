@@ -11,7 +11,10 @@ import trimesh
 import yaml
 
 from cad_fixtures import box, part_of, rod, step_path
+from cad_products import related
+from skillplan.robots import ARMS
 from skillplan_cad import (
+    GraspFinder,
     Item,
     Planner,
     Product,
@@ -20,9 +23,9 @@ from skillplan_cad import (
     assign_task_names,
     build_task,
     choose_arm,
+    find_best_bearing,
     find_blocked,
     find_joints,
-    find_top_grasp,
     lay_out_table,
     place_upright,
     read_product,
@@ -30,6 +33,8 @@ from skillplan_cad import (
 )
 
 TOLERANCE_M = 1e-4
+HAND = ARMS["panda"][1]
+DOWN = (0.0, 0.0, -1.0)
 
 
 def planned(name):
@@ -177,14 +182,78 @@ def test_the_file_is_what_the_document_says_and_the_same_every_time(eight, writt
     assert build_task(*eight).files == written.files
 
 
-def test_a_knob_is_a_mesh_of_its_own_by_which_the_part_is_held():
-    part = part_of("drawer", box(0, 0, 0, 100, 90, 20) + box(10, 30, 20, 20, 50, 40))
-    held = find_top_grasp(part.vertices_m, part.triangles, opening_m=0.08)
-    knob, below = (points for points, _ in held.meshes)
-    assert np.ptp(knob, axis=0) == pytest.approx([0.010, 0.020, 0.020], abs=2e-5)
-    assert np.ptp(below, axis=0) == pytest.approx([0.100, 0.090, 0.020], abs=2e-5)
-    assert [grasp["closing_axis"] for grasp in held.grasps] == ["x", "y"]
-    assert find_top_grasp(below, part_of("b", box(0, 0, 0, 100, 90, 20)).triangles, 0.08) is None
+def finder_of(solid, name="part"):
+    """Return the search for grasps of a part that stands with its centre over the origin."""
+    part = part_of(name, solid)
+    low, high = part.bounds_m
+    bottom = np.array([*(low + high)[:2] / 2, low[2]])
+    return GraspFinder(part, part.vertices_m - bottom, np.asarray(part.centre_m) - bottom)
+
+
+@pytest.mark.parametrize(
+    ("solid", "width_m", "at_m"),
+    [
+        (box(0, 0, 0, 50, 60, 10) + box(0, 0, 10, 10, 60, 100), 0.010, -0.020),
+        (box(0, 0, 0, 200, 90, 8) + box(80, 35, 8, 100, 55, 30), 0.020, -0.010),
+    ],
+    ids=["the wall of an angle", "the knob of a plate"],
+)
+def test_jaws_close_on_opposite_faces_of_the_mesh(solid, width_m, at_m):
+    """Its box is wider, and in the middle of the box there is nothing, or too much."""
+    grasps = finder_of(solid).find_jaw_grasps(HAND, [DOWN], 0.0)
+    found = [grasp.entry for grasp in grasps if grasp.entry["closing_axis"] == "x"]
+    assert found
+    for entry in found:
+        assert entry["width_m"] == pytest.approx(width_m, abs=1e-6)
+        assert entry["at_m"][0] == pytest.approx(at_m, abs=1e-5)
+
+
+def test_a_plate_that_is_wider_than_jaws_open_is_held_by_no_jaws():
+    assert finder_of(box(0, 0, 0, 100, 90, 12)).find_jaw_grasps(HAND, [DOWN], 0.0) == []
+
+
+def test_a_cup_stands_on_material():
+    """In the middle of a plate, beside its hole, and on a ring if it is narrow enough."""
+    plate = box(0, 0, 0, 100, 90, 8)
+    assert finder_of(plate).find_cup_place(0.016) == pytest.approx((0.0, 0.0))
+    holed = finder_of(plate - box(40, 35, -1, 60, 55, 20))
+    x, y = holed.find_cup_place(0.016)
+    assert max(abs(x), abs(y)) > 0.018
+    ring = finder_of(box(0, 0, 0, 60, 60, 5) - box(10, 10, -1, 50, 50, 9))
+    assert ring.find_cup_place(0.016) is None
+    assert ring.find_cup_place(0.006) is not None
+
+
+def test_a_cup_lifts_no_more_than_its_area_does():
+    """2 kg of steel hang on 32 mm, not on 16 mm."""
+    heavy = finder_of(box(0, 0, 0, 150, 100, 17))
+    assert heavy.find_cup_place(0.016) is None
+    assert heavy.find_cup_place(0.032) == pytest.approx((0.0, 0.0))
+
+
+def assembled(*solids):
+    """Return the task of parts of steel."""
+    parts = Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)
+    known = related(parts)
+    bearing = find_best_bearing(parts, known)
+    grounded = [name for name in bearing.order if not bearing.on[name]]
+    plan = Planner(parts, known).plan(None, bearing.up, grounded)
+    return build_task(parts, known, plan, bearing=bearing)
+
+
+def test_a_base_beyond_the_payload_stands_in_place_and_another_part_is_left_out():
+    """9.5 kg, of which a panda carries 2.27 kg in its hand."""
+    block = ("block", box(0, 0, 0, 70, 200, 86))
+    task = assembled(block, ("lid", box(0, 0, 86, 60, 60, 96)))
+    entry = task.document["parts"]["block"]
+    assert entry["fixed"]
+    assert not {"tool", "start_m", "grasp"} & entry.keys()
+    (words,) = task.limits["block"]
+    assert "9.45 kg, and panda carries 2.27 kg" in words
+    assert "--robot ur10e" in words
+    other = assembled(block, ("top", box(0, 0, 86, 70, 200, 140)))
+    assert other.document == {}
+    assert other.left_out["top"].kind == "too heavy"
 
 
 def test_a_tray_keeps_parts_apart_and_within_reach():

@@ -57,12 +57,12 @@ from .relation import Sensitive as Sensitive
 from .relation_file import format_relation as format_relation
 from .relation_file import read_relation as read_relation
 from .writing.arm_choice import choose_arm as choose_arm
+from .writing.mesh_grasps import GraspFinder as GraspFinder
 from .writing.task_document import Item as Item
 from .writing.task_document import assign_task_names as assign_task_names
 from .writing.task_document import build_task as build_task
 from .writing.task_document import lay_out_table as lay_out_table
-from .writing.top_grasp import find_top_grasp as find_top_grasp
-from .writing.top_grasp import place_upright as place_upright
+from .writing.upright import place_upright as place_upright
 
 __version__: str
 
@@ -76,6 +76,7 @@ __all__ = [
     "Fastener",
     "FastenerOptions",
     "FitOptions",
+    "GraspFinder",
     "ImportSettings",
     "Instance",
     "Item",
@@ -111,7 +112,6 @@ __all__ = [
     "find_groups",
     "find_joints",
     "find_shapes",
-    "find_top_grasp",
     "find_touching",
     "format_relation",
     "is_connected",

@@ -114,6 +114,7 @@ Reason = Literal[
     "follows",
     "too heavy",
     "no grasp",
+    "unreachable",
     "no place",
     "refused",
 ]

@@ -11,7 +11,7 @@ from skillplan.task.scene import Body
 from skillplan.task.shape import Mesh
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.product import Part, Product
-from skillplan_cad.writing.top_grasp import Upright, place_upright
+from skillplan_cad.writing.upright import Upright, place_upright
 
 AddedBody = tuple[Body, Pose, Point3]
 """A body, its goal pose, and the unit vector of its final move."""

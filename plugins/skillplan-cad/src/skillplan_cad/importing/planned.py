@@ -31,7 +31,7 @@ from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm
 from skillplan_cad.writing.fit_play import PLAY_M
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import WrittenTask, build_task
-from skillplan_cad.writing.top_grasp import Upright
+from skillplan_cad.writing.upright import Upright
 
 
 def build_plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:

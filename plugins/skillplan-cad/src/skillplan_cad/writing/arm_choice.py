@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan_cad.product import Part, Vector
+from skillplan_cad.writing.held_part import compute_payload_kg
 from skillplan_cad.writing.task_document import assign_task_names, lay_out_parts
 
 AUTO_ARM = "auto"
@@ -22,10 +23,10 @@ def choose_arm(parts: Sequence[Part], up: Vector) -> str:
         Vector that points up, in the product's frame.
     """
     names = assign_task_names(part.name for part in parts)
-    others = sorted(set(ARMS) - {DEFAULT_ARM}, key=lambda arm: (_get_carried_kg(arm), arm))
+    others = sorted(set(ARMS) - {DEFAULT_ARM}, key=lambda arm: (compute_payload_kg(arm), arm))
     best, most = DEFAULT_ARM, -1
     for arm in (DEFAULT_ARM, *others):
-        carried = [part for part in parts if part.mass_kg <= _get_carried_kg(arm)]
+        carried = [part for part in parts if part.mass_kg <= compute_payload_kg(arm)]
         count = len(carried)
         if count > most and carried:
             count -= len(lay_out_parts(carried, carried, names, (), up, arm).without)
@@ -34,10 +35,3 @@ def choose_arm(parts: Sequence[Part], up: Vector) -> str:
         if most == len(parts):
             break
     return best
-
-
-def _get_carried_kg(arm: str) -> float:
-    """Return the mass that an arm carries in its hand [kg]."""
-    description, hand = ARMS[arm]
-    assert description.payload_kg is not None
-    return description.payload_kg - hand.mass_kg

@@ -29,8 +29,8 @@ _TO_MM = 1e3
 # Number of boundary planes of a gap that are tried as cuts.
 _MOST_PLANES = 8
 _LEAST_MM = 1e-3
-# Decimals of millimetres; mesh files have three more, of metres.
-_DECIMALS = 4
+# Decimals of millimetres, coarser than sheets: a face stays plane, which contacts in engines need.
+_DECIMALS = 3
 _LEAST_MM3 = 1e-6
 # Distance of cuts from faces, inside the gap; rounding would leave a sheet of a face.
 _SHEET_MM = 2e-4

@@ -19,7 +19,7 @@ from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.product import Part, Points, Product, make_solid
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import Pieces, build_mesh
-from skillplan_cad.writing.top_grasp import Upright
+from skillplan_cad.writing.upright import Upright
 
 PLAY_M = 1e-4
 """Smallest clearance that back ends play with, on each side [m]."""

@@ -15,7 +15,7 @@ from skillplan_cad.product import Face, Part, Points, Product, Triangles
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import Hollow, Pieces, decompose_convex, measure_excess_m
 from skillplan_cad.writing.fit_play import PLAY_M, FitPlay, Loosened, Played
-from skillplan_cad.writing.top_grasp import Upright
+from skillplan_cad.writing.upright import Upright
 
 Mesh = tuple[Points, Triangles]
 

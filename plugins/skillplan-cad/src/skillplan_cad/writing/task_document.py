@@ -7,18 +7,12 @@ import re
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
-from skillplan.domains.assembly import AssemblyDomain
-from skillplan.errors import Issue
-from skillplan.files.schema_errors import list_schema_issues
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
@@ -26,15 +20,19 @@ from skillplan_cad.planning.bearing import Bearing, find_bearing, find_best_bear
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, LeftOut, Relation
-from skillplan_cad.writing.pieces_proof import ProvedPieces, prove_pieces
-from skillplan_cad.writing.top_grasp import (
+from skillplan_cad.writing.held_part import (
     CUP,
+    CUPS_M,
     GRIPPER,
-    Meshes,
-    Upright,
-    choose_grasp,
-    place_upright,
+    LARGE_CUP,
+    SMALL_CUP,
+    TIPS,
+    TIPS_PROFILE_M,
+    PartHolds,
 )
+from skillplan_cad.writing.pieces_proof import ProvedPieces, prove_pieces
+from skillplan_cad.writing.trial import try_task
+from skillplan_cad.writing.upright import Upright, place_upright
 
 _LONGEST = 64
 
@@ -76,7 +74,9 @@ _GRID_M = 0.02
 # Nearest and farthest place, as shares of the arm's reach; and the least of the nearest [m].
 _NEAREST, _FARTHEST, _NEAREST_M = 0.25, 0.8422, 0.30
 _SPREAD_RAD = math.radians(110)
+# Holders of the usual tools, and of those for small and heavy parts.
 HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
+FURTHER_HOLDERS: tuple[Place, ...] = ((0.12, 0.50), (0.04, 0.50), (-0.04, 0.50))
 # Place of the tip at the start, as a share of the arm's reach; and the least of it [m].
 _HOME, _HOME_M = 0.3, 0.35
 
@@ -130,7 +130,10 @@ class _Taken:
 
 
 def lay_out_table(
-    product_size_m: tuple[float, float, float], items: Sequence[Item], reach_m: float
+    product_size_m: tuple[float, float, float],
+    items: Sequence[Item],
+    reach_m: float,
+    holders: Sequence[Place] = HOLDERS,
 ) -> Tray:
     """Lay out the table: product in front of the arm to its left, items close to it.
 
@@ -142,12 +145,14 @@ def lay_out_table(
         Items to place; the largest are placed first.
     reach_m
         Greatest distance from the arm's base to its tip [m].
+    holders
+        Places of tools, which stay free.
     """
     nearest, farthest = max(_NEAREST_M, _NEAREST * reach_m), _FARTHEST * reach_m
     goal = _choose_goal(product_size_m, nearest, farthest)
     half = (product_size_m[0] / 2, product_size_m[1] / 2)
     taken = [_Taken(goal, half, _BESIDE_PRODUCT_M)]
-    taken += [_Taken(place, (0.03, 0.03), 0.06) for place in HOLDERS]
+    taken += [_Taken(place, (0.03, 0.03), 0.06) for place in holders]
     spots = _list_grid_places(nearest, farthest, goal)
     places: dict[str, Place] = {}
     without = []
@@ -207,41 +212,10 @@ def _mask_fitting(
     return fits
 
 
-def find_refusals(document: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, str]:
-    """Return the reasons why `check` refuses a task, by names of parts and screws.
-
-    Reasons that concern no part have an empty name.
-
-    Parameters
-    ----------
-    document
-        Content of the task file.
-    files
-        Contents of the mesh files by their path within the folder.
-    """
-    reasons: dict[str, str] = {}
-    with TemporaryDirectory(prefix="skillplan-cad-") as folder:
-        for name, content in files.items():
-            path = Path(folder, name)
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(content, "utf-8")
-        for issue in _list_issues(document, folder):
-            of_part = len(issue.path) > 1 and issue.path[0] in ("parts", "screws")
-            about = str(issue.path[1]) if of_part else ""
-            reasons.setdefault(about, issue.message)
-    return reasons
-
-
-def _list_issues(document: Mapping[str, Any], folder: str) -> list[Issue]:
-    domain = AssemblyDomain()
-    try:
-        config = domain.Config.model_validate(document, context={"folder": Path(folder)})
-    except ValidationError as error:
-        return list(list_schema_issues(error, domain.Config))
-    return list(domain.issues(config))
-
-
 DRIVER = "screwdriver"
+
+# Meshes of a part: vertices [m] and triangles of each.
+Meshes = tuple[tuple[Points, Triangles], ...]
 
 # Friction between jaws and parts as in the engines. The margin covers off-centre grasps.
 _FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
@@ -251,7 +225,7 @@ _ABOVE_PRODUCT_M = 0.05
 
 
 def build_robot_entry(
-    robot: str, parts: Sequence[Part], gripped: Sequence[Part], upright: Upright
+    robot: str, parts: Sequence[Part], carried: Sequence[Part], upright: Upright
 ) -> dict[str, Any]:
     """Return the entry of an arm that travels above the product with its payload.
 
@@ -259,15 +233,24 @@ def build_robot_entry(
     ----------
     parts
         All parts of the task.
-    gripped
+    carried
         The parts that the arm carries.
     """
     height = max(float(upright.vertices(part)[:, 2].max()) for part in parts)
-    tallest = max(float(upright.size(part)[2]) for part in gripped)
+    tallest = max((float(upright.size(part)[2]) for part in carried), default=0.0)
     safe = max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
     home_m = round(max(_HOME_M, _HOME * ARMS[robot][0].works_within_m), 2)
     named = {"name": robot, "model": robot, "home_m": [home_m, 0.0]}
     return {**named, "safe_height_m": round(safe, 3)}
+
+
+_HOLDER_OF: Mapping[str, Place] = dict(
+    zip(
+        (GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP),
+        (*HOLDERS, *FURTHER_HOLDERS),
+        strict=True,
+    )
+)
 
 
 def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -278,17 +261,21 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
     entries
         Entries of parts and screws.
     """
-    used = {entry["tool"] for entry in entries}
-    kinds = {GRIPPER: "gripper", CUP: "suction", DRIVER: "screwdriver"}
+    hand = ARMS[robot][1]
     tools: dict[str, Any] = {}
-    for (name, kind), holder in zip(kinds.items(), HOLDERS, strict=True):
-        if name in used:
-            tools[name] = {"type": kind, "holder_m": list(holder)}
-    if GRIPPER in tools:
-        hand = ARMS[robot][1]
-        tools[GRIPPER]["opening_m"] = hand.opening_m
-        heaviest_kg = max(entry["mass_kg"] for entry in entries if entry["tool"] == GRIPPER)
-        tools[GRIPPER]["force_n"] = _compute_grip_n(heaviest_kg, hand.force_n)
+    for name, holder in _HOLDER_OF.items():
+        masses_kg = [entry["mass_kg"] for entry in entries if entry.get("tool") == name]
+        if not masses_kg:
+            continue
+        kind = "screwdriver" if name == DRIVER else "suction" if name in CUPS_M else "gripper"
+        tools[name] = {"type": kind, "holder_m": list(holder)}
+        if kind == "gripper":
+            tools[name]["opening_m"] = hand.opening_m
+            tools[name]["force_n"] = _compute_grip_n(max(masses_kg), hand.force_n)
+        if name == TIPS:
+            tools[name]["jaw_profile_m"] = [list(row) for row in TIPS_PROFILE_M]
+        if name in CUPS_M and name != CUP:
+            tools[name]["cup_diameter_m"] = CUPS_M[name]
     return tools
 
 
@@ -361,6 +348,8 @@ def lay_out_parts(
     taken: Collection[str],
     up: Vector,
     robot: str,
+    fixed: Collection[str] = (),
+    tools: Collection[str] = (),
 ) -> Places:
     """Place the product, single parts and feeders.
 
@@ -369,25 +358,31 @@ def lay_out_parts(
     parts
         All parts of the task.
     gripped
-        The parts that the hand brings.
+        The parts that stand on their own, without screws.
     names
         Task names by product names.
     taken
         Names that feeders must not use.
     up
         Vector that points up, in the product's frame.
+    fixed
+        Parts in place from the start.
+    tools
+        Names of tools whose holders stay free.
     """
     upright = place_upright(gripped, up, (0.0, 0.0))
-    feeders = _feeders(parts, names, taken)
+    feeders = _feeders([part for part in parts if part.name not in fixed], names, taken)
     items: dict[str, Item] = {}
     for part in parts:
         name = feeders.get(part.name, names[part.name])
-        if part in gripped or part.name in feeders:
+        if (part in gripped or part.name in feeders) and part.name not in fixed:
             x, y, z = (float(extent) for extent in upright.size(part))
             items.setdefault(name, Item(name, (x, y, z)))
     points = np.concatenate([upright.vertices(part) for part in parts])
     x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
-    layout = lay_out_table((x, y, z), list(items.values()), ARMS[robot][0].works_within_m)
+    further = [_HOLDER_OF[tool] for tool in tools if _HOLDER_OF[tool] not in HOLDERS]
+    reach_m = ARMS[robot][0].works_within_m
+    layout = lay_out_table((x, y, z), list(items.values()), reach_m, (*HOLDERS, *further))
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
     )
@@ -573,9 +568,16 @@ def build_task(
     absent = dict(without or {})
     bearing = bearing or find_best_bearing(product, relation, absent)
     indirect = find_indirect_parts(plan)
+    holds = PartHolds(product, relation, plan.base, bearing.up, robot)
+    granted: set[str] = set()
     # Pieces of all parts tried so far: they do not depend on the parts left out.
     proved: ProvedPieces | None = None
     while True:
+        unheld = holds.choose(bearing)
+        if unheld:
+            absent |= unheld
+            bearing = find_bearing(product, relation, bearing.up, absent)
+            continue
         reasons = {**bearing.why_not, **bearing.undriven}
         reasons |= {
             name: indirect[name]
@@ -584,9 +586,10 @@ def build_task(
         }
         left_out = {**reasons, **absent}
         left_out |= _find_loose_screws(relation, left_out, bearing.up)
-        if all(part.name in left_out or part.name in relation.driven for part in product):
+        kept = {part.name for part in product} - left_out.keys()
+        if not kept - holds.fixed.keys() or not kept - relation.driven:
             return _write_nothing(product, bearing, left_out)
-        writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks or {})
+        writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks or {}, holds)
         if writer.places.without:
             words = "finds no place within the arm's reach"
             absent |= {name: LeftOut(name, "no place", words) for name in writer.places.without}
@@ -594,20 +597,26 @@ def build_task(
             continue
         task = writer.write(proved)
         proved = proved or task.pieces
-        refusals = find_refusals(task.document, task.files)
-        if not refusals:
-            return task
         product_names = {task_name: name for name, task_name in task.names.items()}
+        order = [task.names[name] for name in holds.list_order() if name in task.names]
+        trial = try_task(task.document, task.files, order, granted)
+        if not trial.refusals and not trial.failures:
+            return task
         refused_parts = {
             name: LeftOut(name, "refused", f"is refused: {words.removesuffix('.')}")
-            for task_name, words in refusals.items()
+            for task_name, words in trial.refusals.items()
             if task_name
             for name in (product_names[task_name],)
         }
-        if not refused_parts:
-            return replace(task, faults=tuple(refusals.values()))
-        absent |= refused_parts
-        bearing = find_bearing(product, relation, bearing.up, absent)
+        if trial.refusals and not refused_parts:
+            return replace(task, faults=tuple(trial.refusals.values()))
+        for task_name, failure in trial.failures.items():
+            name = product_names[task_name]
+            if not holds.take_next(name, failure):
+                refused_parts |= holds.give_up(name)
+        if refused_parts:
+            absent |= refused_parts
+            bearing = find_bearing(product, relation, bearing.up, absent)
 
 
 def _write_nothing(
@@ -640,6 +649,7 @@ class _Writer:
     robot: str
     left_out: Mapping[str, LeftOut]
     remarks: Mapping[str, str]
+    holds: PartHolds
     names: Mapping[str, str] = field(init=False)
     kept: tuple[Part, ...] = field(init=False)
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
@@ -650,7 +660,7 @@ class _Writer:
     _meshes: dict[str, Meshes] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        taken = {GRIPPER, CUP, DRIVER, self.robot, "world", "home"}
+        taken = {*_HOLDER_OF, self.robot, "world", "home"}
         names = assign_task_names((part.name for part in self.product), taken)
         self.names = {name: own for name, own in names.items() if name not in self.left_out}
         self.kept = tuple(part for part in self.product if part.name in self.names)
@@ -660,8 +670,11 @@ class _Writer:
             for part in step.parts:
                 self.steps.setdefault(part, step)
         self.gripped = [part for part in self.kept if not self._get_driven(part)]
-        known, up = taken | set(self.names.values()), self.bearing.up
-        self.places = lay_out_parts(self.kept, self.gripped, self.names, known, up, self.robot)
+        known, up, fixed = taken | set(self.names.values()), self.bearing.up, self.holds.fixed
+        tools = {self.holds.held(p.name).tool for p in self.gripped if p.name not in fixed}
+        self.places = lay_out_parts(
+            self.kept, self.gripped, self.names, known, up, self.robot, fixed, tools
+        )
         self.upright = self.places.upright
 
     def write(self, proved: ProvedPieces | None = None) -> WrittenTask:
@@ -683,8 +696,9 @@ class _Writer:
         for name, words in list_plan_limits(self.product, self.plan, up, names):
             self._note(name, words)
         for name in self.names:
-            if name in self.remarks:
-                self._note(name, self.remarks[name])
+            for notes in (self.remarks, self.holds.fixed):
+                if name in notes:
+                    self._note(name, notes[name])
         document = self._build_document(parts, screws)
         text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         limits = {name: tuple(lines) for name, lines in self.limits.items()}
@@ -723,7 +737,12 @@ class _Writer:
             "name": self._choose_name(),
             "description": f"{self._count_parts()} of {self.product.name}, from CAD.",
             "product_parts": len(self.product),
-            "robot": build_robot_entry(self.robot, self.kept, self.gripped, self.upright),
+            "robot": build_robot_entry(
+                self.robot,
+                self.kept,
+                [part for part in self.gripped if part.name not in self.holds.fixed],
+                self.upright,
+            ),
             "tools": build_tool_entries(self.robot, (*parts.values(), *screws.values())),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
@@ -766,21 +785,15 @@ class _Writer:
         """Return the entry of a part, and add its meshes to the files."""
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         local = self.upright.vertices(part) - bottom
-        ways = self._list_directions(part)
-        down = ways == [[0.0, 0.0, -1.0]]
-        sunk_m = max(0.0, self._find_sunk_m(part) - float(bottom[2])) if down else 0.0
-        centre = self.upright.matrix @ np.asarray(part.centre_m) + self.upright.offset_m - bottom
-        held = choose_grasp(part, local, (float(centre[0]), float(centre[1])), self.robot, sunk_m)
-        for words in held.limits:
-            self._note(part.name, words)
-        self._meshes[part.name] = held.meshes
-        entry: dict[str, Any] = {**held.entry}
+        self._meshes[part.name] = ((local, part.triangles),)
+        fixed = part.name in self.holds.fixed
+        entry: dict[str, Any] = {"fixed": True} if fixed else self.holds.held(part.name).entry
         entry["mass_kg"] = float(f"{max(part.mass_kg, 1e-6):.4g}")
-        entry["meshes"] = _add_meshes(name, held.meshes, files)
+        entry["meshes"] = _add_meshes(name, self._meshes[part.name], files)
         feeder = self.places.feeders.get(part.name)
         if feeder is not None:
             entry["feeder"] = feeder
-        else:
+        elif not fixed:
             entry["start_m"] = list(self.places.tray.places[name])
         entry["goal_m"] = [float(value) for value in bottom]
         on = [
@@ -790,21 +803,10 @@ class _Writer:
         ]
         if on:
             entry["goal_on"] = on
-        if not down:
+        ways = self._list_directions(part)
+        if ways != [[0.0, 0.0, -1.0]] and not fixed:
             entry["insert_along"] = ways
         return entry
-
-    def _find_sunk_m(self, part: Part) -> float:
-        """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""
-        order = self.bearing.order
-        before = order[: order.index(part.name)] if part.name in order else ()
-        heights = [
-            self.upright.point(point)[2]
-            for contact in self.relation.contacts
-            if part.name in contact.parts and any(other in before for other in contact.parts)
-            for point in contact.points_m
-        ]
-        return max(heights, default=0.0)
 
     def _list_directions(self, part: Part) -> list[list[float]]:
         """Return up to three directions for bringing a part, that of the plan first."""

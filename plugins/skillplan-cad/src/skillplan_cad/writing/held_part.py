@@ -1,0 +1,247 @@
+"""Choose tools and grasps: jaws from above, a suction cup, finger tips, or jaws from a side.
+
+Every choice holds the true mesh; the first one that `swept` grants is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from skillplan.robots.arm_description import Hand
+from skillplan.robots.catalogue import ARMS
+from skillplan.task.pose import DOWN
+from skillplan_cad.planning.bearing import Bearing
+from skillplan_cad.product import Part, Points, Product, Vector
+from skillplan_cad.relation import LeftOut, Relation
+from skillplan_cad.writing.mesh_grasps import Floats, GraspFinder, JawGrasp
+from skillplan_cad.writing.trial import Failure
+from skillplan_cad.writing.upright import place_upright
+
+GRIPPER, TIPS = "gripper", "finger_tips"
+CUP, SMALL_CUP, LARGE_CUP = "suction_cup", "small_suction_cup", "large_suction_cup"
+CUPS_M: Mapping[str, float] = {CUP: 0.016, SMALL_CUP: 0.006, LARGE_CUP: 0.032}
+"""Diameters of the suction cups [m]."""
+
+TIPS_PROFILE_M = (
+    (0.0, 0.003, 0.0, 0.004),
+    (0.02, 0.003, 0.0, 0.004),
+    (0.03, 0.0089, 0.0, 0.0144),
+    (0.0538, 0.0106, 0.0, 0.0265),
+)
+"""Finger tips for small parts, 6 mm wide; rows as in `jaw_profile_m`."""
+
+# Area of each jaw and distance from the centre of mass of a grasp that comes before a cup [m2, m].
+_GOOD_M2, _NEAR_M = 6e-6, 0.012
+# Arm to try if a place is out of reach.
+_LONG_ARM = "ur10e"
+_SIDES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A tool and the grasps of a part by it, as in the part's entry in a task file."""
+
+    tool: str
+    grasps: tuple[Mapping[str, Any], ...]
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """Keys ``tool`` and ``grasp``."""
+        grasps = [dict(grasp) for grasp in self.grasps]
+        return {"tool": self.tool, "grasp": grasps if len(grasps) > 1 else grasps[0]}
+
+
+def list_holds(
+    part: Part, local: Points, centre_m: Floats, hand: Hand, sunk_m: float = 0.0
+) -> Iterator[Held]:
+    """Yield tools with grasps, the preferred one first; nothing if no tool holds the part.
+
+    Jaws from above come first if they meet enough material next to the centre of mass, else cups.
+
+    Parameters
+    ----------
+    local
+        Vertices of the upright part, relative to the centre of its bottom [m].
+    centre_m
+        Centre of mass in that frame [m].
+    sunk_m
+        Height up to which other parts enclose it at its goal, from its bottom [m].
+    """
+    finder = GraspFinder(part, local, centre_m)
+    above = finder.find_jaw_grasps(hand, (DOWN,), sunk_m)
+    is_good = any(grasp.area_m2 >= _GOOD_M2 and grasp.cost <= _NEAR_M for grasp in above)
+    if is_good:
+        yield _hold(GRIPPER, above)
+    for cup in (CUP, LARGE_CUP):
+        yield from _hold_by_cup(finder, cup)
+    if above and not is_good:
+        yield _hold(GRIPPER, above)
+    yield from _hold_by_cup(finder, SMALL_CUP)
+    tips = replace(hand, jaw_m=TIPS_PROFILE_M, jaw_corners_m=())
+    by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m)
+    if by_tips:
+        yield _hold(TIPS, by_tips)
+    beside = finder.find_jaw_grasps(hand, _SIDES, sunk_m)
+    if beside:
+        yield _hold(GRIPPER, beside)
+
+
+def _hold(tool: str, grasps: Sequence[JawGrasp]) -> Held:
+    return Held(tool, tuple(grasp.entry for grasp in grasps))
+
+
+def _hold_by_cup(finder: GraspFinder, cup: str) -> Iterator[Held]:
+    place = finder.find_cup_place(CUPS_M[cup])
+    if place is not None:
+        yield Held(cup, ({"at_m": list(place)},))
+
+
+def compute_payload_kg(robot: str) -> float:
+    """Return the greatest mass of a part in the hand of an arm of the catalogue [kg]."""
+    arm, hand = ARMS[robot]
+    assert arm.payload_kg is not None
+    return arm.payload_kg - hand.mass_kg
+
+
+def describe_too_heavy(mass_kg: float, robot: str) -> str | None:
+    """Return why an arm cannot carry a part, with the least arm that does, or None."""
+    if mass_kg <= compute_payload_kg(robot):
+        return None
+    able = [name for name in ARMS if compute_payload_kg(name) >= mass_kg]
+    words = f"weighs {mass_kg:.3g} kg, and {robot} carries {compute_payload_kg(robot):.3g} kg"
+    if not able:
+        return f"{words} with its hand; no arm of the catalogue carries it"
+    least = min(able, key=lambda name: (compute_payload_kg(name), name))
+    return f"{words} with its hand; --robot {least} carries {compute_payload_kg(least):.3g} kg"
+
+
+class PartHolds:
+    """Tools and grasps of the parts of a product: the chosen ones, and others to try.
+
+    Attributes
+    ----------
+    fixed
+        Parts in place from the start, with the reason as a clause that follows the part's name.
+    """
+
+    def __init__(
+        self, product: Product, relation: Relation, base: str, up: Vector, robot: str
+    ) -> None:
+        self._product, self._relation, self._base = product, relation, base
+        self._robot, self._hand = robot, ARMS[robot][1]
+        self._upright = place_upright(product, up, (0.0, 0.0))
+        self._choices: dict[str, Iterator[Held]] = {}
+        self._chosen: dict[str, Held] = {}
+        self._failures: dict[str, Failure] = {}
+        self._order: tuple[str, ...] = ()
+        self.fixed: dict[str, str] = {}
+
+    def held(self, name: str) -> Held:
+        """Return the chosen tool and grasps of a part."""
+        return self._chosen[name]
+
+    def list_order(self) -> list[str]:
+        """Return the parts in the order of assembly, each screw after what it joins."""
+        order = list(self._order)
+        for name in sorted(self._relation.driven, key=self._relation.index):
+            fastener = self._relation.fastener(name)
+            joins = () if fastener is None else fastener.joins
+            places = [order.index(join) for join in joins if join in order]
+            order.insert(max(places, default=len(order) - 1) + 1, name)
+        return order
+
+    def choose(self, bearing: Bearing) -> dict[str, LeftOut]:
+        """Choose tools for the parts that stand; return those that the arm cannot hold.
+
+        The base is fixed instead.
+        """
+        self._order = bearing.order
+        if bearing.order and self._base not in bearing.order:
+            self._base = bearing.order[0]
+        unheld: dict[str, LeftOut] = {}
+        for name in bearing.order:
+            if name in self._chosen or name in self.fixed:
+                continue
+            part = self._get_part(name)
+            words = describe_too_heavy(part.mass_kg, self._robot)
+            if words is not None:
+                if not self._fix(name, words):
+                    unheld[name] = LeftOut(name, "too heavy", words)
+            elif not self.take_next(name):
+                unheld |= self.give_up(name)
+        return unheld
+
+    def take_next(self, name: str, failure: Failure | None = None) -> bool:
+        """Choose the next tool of a part; return False if there is none.
+
+        Parameters
+        ----------
+        failure
+            Why the arm cannot bring the part with the tool before.
+        """
+        if failure is not None:
+            self._failures.setdefault(name, failure)
+        if name in self._relation.driven:
+            return False
+        if name not in self._choices:
+            self._choices[name] = self._list_holds(self._get_part(name))
+        held = next(self._choices[name], None)
+        if held is not None:
+            self._chosen[name] = held
+        return held is not None
+
+    def give_up(self, name: str) -> dict[str, LeftOut]:
+        """Return a part that no tool holds or brings, with the nearest remedy; fix the base."""
+        failure = self._failures.get(name)
+        if failure is None:
+            size = self._upright.size(self._get_part(name))
+            wide_mm = float(size[:2].min()) * 1e3
+            words = (
+                f"is {wide_mm:.0f} mm wide, has no opposite faces that jaws of "
+                f"{self._hand.opening_m * 1e3:.0f} mm hold, and no level face wide enough for a cup"
+            )
+            if self._fix(name, words):
+                return {}
+            remedy = "--as-one with a part that can be held, or --leave-out"
+            return {name: LeftOut(name, "no grasp", f"{words}; {remedy}")}
+        words = f"cannot be brought, whatever tool holds it: {failure.text}"
+        if name in self._relation.driven:
+            words = f"cannot be driven: {failure.text}"
+        elif self._fix(name, words):
+            return {}
+        if failure.is_far:
+            remedy = "" if self._robot == _LONG_ARM else f"; --robot {_LONG_ARM} reaches farther"
+            return {name: LeftOut(name, "unreachable", f"{words}{remedy}")}
+        return {name: LeftOut(name, "no grasp", words)}
+
+    def _fix(self, name: str, words: str) -> bool:
+        """Put the base in place from the start; return False for other parts."""
+        if name != self._base or name in self._relation.driven:
+            return False
+        self.fixed[name] = f"stands in place from the start: it {words}"
+        return True
+
+    def _list_holds(self, part: Part) -> Iterator[Held]:
+        bottom = np.array(self._upright.bottom(part))
+        local = self._upright.vertices(part) - bottom
+        centre = self._upright.matrix @ np.asarray(part.centre_m) + self._upright.offset_m - bottom
+        sunk_m = max(0.0, self._find_sunk_m(part) - float(bottom[2]))
+        return list_holds(part, local, centre, self._hand, sunk_m)
+
+    def _find_sunk_m(self, part: Part) -> float:
+        """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""
+        before = self._order[: self._order.index(part.name)] if part.name in self._order else ()
+        heights = [
+            self._upright.point(point)[2]
+            for contact in self._relation.contacts
+            if part.name in contact.parts and any(other in before for other in contact.parts)
+            for point in contact.points_m
+        ]
+        return max(heights, default=0.0)
+
+    def _get_part(self, name: str) -> Part:
+        return self._product.parts[self._product.index(name)]

@@ -1,0 +1,456 @@
+"""Find places on the true mesh where jaws or a suction cup hold an upright part.
+
+Jaws close on two patches opposite each other, seen by rays along the closing direction. A cup
+stands on a level face without holes, seen by rays from above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from skillplan.robots.arm_description import Hand
+from skillplan.task.scene import STANDARD_CUP_M
+from skillplan_cad.blocking.ray_mesh import RayMesh, RayView
+from skillplan_cad.product import Part, Points
+
+Floats = NDArray[np.float64]
+Entry = dict[str, Any]
+
+_GRAVITY_M_PER_S2, _FRICTION = 9.81, 0.6
+# Distance of a surface from a jaw's face at which it still bears the jaw [m].
+_NEAR_M = 1.5e-4
+# Clearance of open jaws on either side of a part, and of a jaw from other material [m].
+_OPEN_M, _CLEAR_M = 4e-3, 5e-4
+# Play between jaws and part at the widest opening, and clearance of fingertips below a part [m].
+_PLAY_M, _ABOVE_M = 4e-3, 1e-3
+# Pitch of rays: finest, and most of them along a side of the part.
+_FINEST_M, _MOST_RAYS = 5e-4, 72
+# Depths of the fingertips below the highest point between the jaws [m].
+_DEPTHS_M = (0.002, 0.003, 0.005, 0.008, 0.012, 0.018, 0.026, 0.036)
+# Number of positions of the hand across the closing direction.
+_COLUMNS = 13
+# Least area of each jaw on the part [m2], and share of a hand's friction that may be used.
+_LEAST_M2, _LOAD_SHARE = 2e-6, 0.5
+# Height of a hand's axis above the table at which a hand from the side clears it [m].
+_SIDE_MARGIN_M = 4e-3
+_DEPTH_CLASSES_M = (0.005, 0.0125)
+# Number of grasps of a part, and distance between two of them [m].
+_MOST_GRASPS, _APART_M = 6, 6e-3
+# Cosine between a face and a closing direction, and share of the surface worth a direction.
+_ALONG, _WORTH = 0.999, 0.02
+_ALMOST = 1e-6
+# Unevenness of a face below a cup, and width of the face around it [m].
+_EVEN_M, _RIM_M = 1e-4, 5e-4
+# Diameter of the shank above a cup, and height of the cup or a narrow cup's stem below it [m].
+_SHANK_M, _CUP_HEIGHT_M, _STEM_HEIGHT_M = 0.036, 0.006, 0.04
+_MOST_PIXELS, _BELOW_M = 400, -1e3
+# Pressure below a cup, and factor of safety on its force.
+_VACUUM_PA, _CUP_SAFETY = 6e4, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class JawGrasp:
+    """A grasp between jaws.
+
+    Parameters
+    ----------
+    entry
+        The grasp as in a task file.
+    cost
+        Distance from the centre of mass and other drawbacks [m]; lower is better.
+    area_m2
+        Area of the jaw with less material on it.
+    """
+
+    entry: Entry
+    cost: float
+    area_m2: float
+    tip_m: tuple[float, float, float]
+
+
+class GraspFinder:
+    """Searches the grasps of one part.
+
+    Parameters
+    ----------
+    local
+        Vertices of the upright part, relative to the centre of its bottom [m].
+    centre_m
+        Centre of mass in that frame [m].
+    """
+
+    def __init__(self, part: Part, local: Points, centre_m: Floats) -> None:
+        self._local, self._centre_m = local, centre_m
+        self._mass_kg = part.mass_kg
+        self._mesh = RayMesh(replace(part, vertices_m=local), np.zeros(3))
+        corners = local[part.triangles]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self._areas = np.linalg.norm(across, axis=1) / 2
+        self._is_plane = np.ones(len(self._areas), dtype=bool)
+        for face in part.faces:
+            self._is_plane[face.triangles] = face.kind in ("plane", "free")
+        self._normals = across / np.maximum(2 * self._areas, 1e-30)[:, None]
+
+    def find_cup_place(self, diameter_m: float) -> tuple[float, float] | None:
+        """Return the place of a suction cup on the top next to the centre of mass, x y [m]."""
+        low, high = self._local[:, :2].min(axis=0), self._local[:, :2].max(axis=0)
+        if float((high - low).min()) < diameter_m:
+            return None
+        if self._mass_kg * _GRAVITY_M_PER_S2 > compute_cup_force_n(diameter_m) / _CUP_SAFETY:
+            return None
+        pitch_m = max(_FINEST_M, float((high - low).max()) / _MOST_PIXELS)
+        # The frame of the picture is beside the part.
+        xs, ys = (np.arange(low[k] - pitch_m / 2, high[k] + pitch_m, pitch_m) for k in (0, 1))
+        plan = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+        seen = RayView(self._mesh, np.eye(3)).trace_heights(plan * 1e3).high / 1e3
+        heights = np.where(np.isfinite(seen), seen, _BELOW_M).reshape(len(xs), len(ys))
+        uneven = ndimage.maximum_filter(heights, 3) - ndimage.minimum_filter(heights, 3) > _EVEN_M
+        uneven |= heights == _BELOW_M
+        to_edge_m = pitch_m * ndimage.distance_transform_edt(~uneven)
+        shank = 2 * int(np.ceil((max(_SHANK_M, diameter_m) / 2 + _RIM_M) / pitch_m)) + 1
+        height_m = _CUP_HEIGHT_M if diameter_m >= STANDARD_CUP_M else _STEM_HEIGHT_M
+        above_m = ndimage.maximum_filter(heights, shank) - heights
+        fits = (to_edge_m >= diameter_m / 2 + _RIM_M) & (above_m <= height_m - _RIM_M)
+        if not fits.any():
+            return None
+        # A high face first, because a cup in a pocket is close to walls.
+        distance = np.hypot(*(plan - self._centre_m[:2]).T).reshape(fits.shape)
+        cost = np.where(fits, distance + (float(self._local[:, 2].max()) - heights), np.inf)
+        best = plan[int(np.argmin(cost))]
+        centre = self._centre_m[:2]
+        cell = np.abs(best - centre).max() <= pitch_m / 2
+        x, y = centre if cell else best
+        return round(float(x), 5) + 0.0, round(float(y), 5) + 0.0
+
+    def find_jaw_grasps(
+        self, hand: Hand, approaches: Sequence[tuple[float, float, float]], sunk_m: float
+    ) -> list[JawGrasp]:
+        """Return the best grasps from some sides, the best first.
+
+        Parameters
+        ----------
+        approaches
+            Directions in which the hand points.
+        sunk_m
+            Height up to which other parts enclose the part at its goal [m]: fingers stay above it
+            if they can.
+        """
+        candidates = [
+            grasp
+            for approach in approaches
+            for closing in self._list_closings(approach)
+            for grasp in self._search(hand, np.array(approach), closing, sunk_m)
+        ]
+        # The best of each side, closing direction and depth first: a neighbour may be in the way of
+        # deep fingers, and a rim in the way of shallow ones.
+        candidates.sort(key=lambda grasp: grasp.cost)
+        best: dict[tuple[Any, ...], JawGrasp] = {}
+        for grasp in candidates:
+            best.setdefault(_classify(grasp), grasp)
+        chosen = list(best.values())[:_MOST_GRASPS]
+        for grasp in candidates:
+            if len(chosen) < _MOST_GRASPS and all(_differ(grasp, other) for other in chosen):
+                chosen.append(grasp)
+        return sorted(chosen, key=lambda grasp: grasp.cost)
+
+    def _list_closings(self, approach: tuple[float, float, float]) -> Iterator[Floats]:
+        """Yield directions across an approach that large faces look along, and the axes."""
+        out = -np.array(approach)
+        listed: list[Floats] = []
+        level = (np.abs(self._normals @ out) < 1 - _ALONG) & self._is_plane
+        whole = float(self._areas.sum())
+        normals, areas = self._normals[level], self._areas[level].copy()
+        while len(areas) and areas.max() > 0 and len(listed) < 4:
+            along = np.abs(normals @ normals[int(np.argmax(areas))]) > _ALONG
+            if areas[along].sum() < _WORTH * whole:
+                areas[along] = 0.0
+                continue
+            closing = normals[int(np.argmax(areas))]
+            closing = closing - (closing @ out) * out
+            listed.append(_turn_forwards(closing / np.linalg.norm(closing)))
+            areas[along] = 0.0
+        for axis in np.eye(3):
+            if abs(axis @ out) < _ALMOST and not any(abs(axis @ a) > _ALONG for a in listed):
+                listed.append(axis)
+        # A hand from the side whose jaws close upright would be in the table.
+        yield from (c for c in listed if abs(out[2]) > 0.5 or abs(c[2]) < _ALMOST)
+
+    def _search(
+        self, hand: Hand, approach: Floats, closing: Floats, sunk_m: float
+    ) -> Iterator[JawGrasp]:
+        """Yield the grasps of jaws that close in one direction, with the best of each depth."""
+        field = _Field.trace(self._mesh, self._local, approach, closing)
+        centre = field.frame @ self._centre_m
+        from_top = approach[2] < -0.5
+        for column in field.list_columns(float(centre[0])):
+            for tip in field.list_tips(column):
+                for patch in field.find_patches(column, tip, hand):
+                    across = patch.across_m
+                    if abs(across - centre[0]) <= field.cell_m[0] / 2 + _ALMOST:
+                        across = float(centre[0])
+                    point = across * field.frame[0] + tip * field.frame[1]
+                    point = point + patch.middle_m * closing
+                    if from_top and point[2] < _ABOVE_M:
+                        continue
+                    if not from_top and point[2] < hand.half_width_m + _SIDE_MARGIN_M:
+                        continue
+                    away = patch.centre_m - centre
+                    # Gravity pulls along `out` of a hand from above, else across it.
+                    twist_m, tilt_m = (away[0], away[2]) if from_top else (away[1], 0.0)
+                    if not self._holds(hand, patch, abs(float(twist_m)), abs(float(tilt_m))):
+                        continue
+                    cost = abs(away[0]) + abs(away[2]) + 0.3 * abs(away[1])
+                    cost += abs(across - patch.centre_m[0])
+                    cost += 2e-3 / (1e-3 + np.sqrt(patch.area_m2)) * 1e-2
+                    cost += 0.02 * (from_top and point[2] < sunk_m + _ABOVE_M)
+                    yield JawGrasp(
+                        _format(approach, closing, point, patch.width_m, field.top_m - tip),
+                        float(cost),
+                        patch.area_m2,
+                        (float(point[0]), float(point[1]), float(point[2])),
+                    )
+
+    def _holds(self, hand: Hand, patch: _Patch, twist_m: float, tilt_m: float) -> bool:
+        """Return True if friction bears weight and moments of the part (Howe and Cutkosky, 1996).
+
+        Parameters
+        ----------
+        twist_m, tilt_m
+            Arms of the weight about the closing direction, and across it.
+        """
+        weight_n = self._mass_kg * _GRAVITY_M_PER_S2
+        both_n = 2 * hand.force_n
+        soft_m = _FRICTION * patch.reach_m
+        stiff_m = soft_m + patch.reach_m + _FRICTION * patch.width_m / 2
+        shares = (1 / _FRICTION, twist_m / soft_m, tilt_m / stiff_m)
+        return weight_n / both_n * float(np.linalg.norm(shares)) <= _LOAD_SHARE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Patch:
+    """Material between two jaws.
+
+    Parameters
+    ----------
+    across_m, middle_m
+        Position of the hand's axis across the closing direction and along it [m].
+    centre_m
+        Centre of both patches in the frame of the field [m], shape (3,).
+    reach_m
+        Mean distance of the patch from its centre [m].
+    """
+
+    across_m: float
+    middle_m: float
+    width_m: float
+    centre_m: Floats
+    area_m2: float
+    reach_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Field:
+    """Spans of material along rays in the closing direction.
+
+    Parameters
+    ----------
+    frame
+        Directions across, out of the part towards the hand, and closing, one per row.
+    across_m, out_m
+        Positions of the rays, shapes (columns,) and (rows,).
+    begins, ends
+        Spans of material [m], shape (columns, rows, spans), padded with infinity.
+    """
+
+    frame: Floats
+    across_m: Floats
+    out_m: Floats
+    begins: Floats
+    ends: Floats
+    top_m: float
+    cell_m: tuple[float, float]
+
+    @classmethod
+    def trace(cls, mesh: RayMesh, local: Points, approach: Floats, closing: Floats) -> _Field:
+        """Trace the rays."""
+        frame = np.stack([np.cross(closing, approach), -approach, closing])
+        placed = local @ frame.T
+        low, high = placed.min(axis=0), placed.max(axis=0)
+        axes = []
+        for axis in (0, 1):
+            extent = float(high[axis] - low[axis])
+            count = int(np.clip(np.ceil(extent / _FINEST_M), 3, _MOST_RAYS))
+            axes.append(low[axis] + extent * (np.arange(count) + 0.5) / count)
+        view = RayView(mesh, np.stack([frame[0], frame[1], frame[2]]))
+        plan = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        begins, ends = (np.sort(rows, axis=1) / 1e3 for rows in view.trace_crossings(plan * 1e3))
+        spans = max(1, int(np.isfinite(begins).sum(axis=1).max(initial=1)))
+        shape = (len(axes[0]), len(axes[1]), -1)
+        cell = tuple(float(a[1] - a[0]) for a in axes)
+        return cls(
+            frame,
+            axes[0],
+            axes[1],
+            begins[:, :spans].reshape(shape),
+            ends[:, :spans].reshape(shape),
+            float(high[1]),
+            (cell[0], cell[1]),
+        )
+
+    def list_columns(self, centre_m: float) -> Sequence[int]:
+        """Return columns to try for the hand's axis: at the centre of mass, and evenly spread."""
+        count = len(self.across_m)
+        near = int(np.argmin(np.abs(self.across_m - centre_m)))
+        spread = np.linspace(0, count - 1, min(count, _COLUMNS)).round().astype(int)
+        return sorted({near, *spread.tolist()})
+
+    def list_tips(self, column: int) -> list[float]:
+        """Return positions of the fingertips along `out` to try in a column [m]."""
+        rows = np.flatnonzero(np.isfinite(self.begins[column, :, 0]))
+        if not len(rows):
+            return []
+        top = self.out_m[rows[-1]] + self.cell_m[1] / 2
+        bottom = self.out_m[rows[0]] - self.cell_m[1] / 2
+        thick = top - bottom
+        depths = {depth for depth in _DEPTHS_M if depth < thick} | {thick / 2}
+        return [float(top - depth) for depth in sorted(depths)]
+
+    def find_patches(self, column: int, tip: float, hand: Hand) -> Iterator[_Patch]:
+        """Yield the patches on which jaws with their tips at a height close, by layer."""
+        half_m, length_m = hand.jaw_half_width_m, hand.jaw_m[-1][0]
+        rows = (self.out_m > tip) & (self.out_m < tip + length_m)
+        columns = np.abs(self.across_m - self.across_m[column]) <= half_m
+        if not rows.any():
+            return
+        begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
+        seen: set[int] = set()
+        inner = np.flatnonzero(rows)
+        for span in range(self.begins.shape[2]):
+            row = inner[0] if len(inner) == 1 else inner[min(1, len(inner) - 1)]
+            begin, end = self.begins[column, row, span], self.ends[column, row, span]
+            if not (np.isfinite(begin) and np.isfinite(end)):
+                continue
+            key = round((begin + end) * 5e3)
+            if key in seen:
+                continue
+            seen.add(key)
+            patch = self._close(column, tip, hand, begins, ends, (begin + end) / 2, rows, columns)
+            if patch is not None:
+                yield patch
+
+    def _close(
+        self,
+        column: int,
+        tip: float,
+        hand: Hand,
+        begins: Floats,
+        ends: Floats,
+        middle: float,
+        rows: NDArray[np.bool_],
+        columns: NDArray[np.bool_],
+    ) -> _Patch | None:
+        """Return the patch of jaws that close about a point of the material, or None."""
+        around = (begins <= middle) & (ends >= middle)
+        if not around.any():
+            return None
+        left = float(begins[around].min())
+        right = float(ends[around].max())
+        width = right - left
+        if not _CLEAR_M < width <= hand.opening_m - _PLAY_M:
+            return None
+        touches = [around & (begins <= left + _NEAR_M), around & (ends >= right - _NEAR_M)]
+        cell = self.cell_m[0] * self.cell_m[1]
+        areas = [float(mask.any(axis=2).sum()) * cell for mask in touches]
+        if min(areas) < _LEAST_M2:
+            return None
+        places = np.stack(
+            np.meshgrid(self.across_m[columns], self.out_m[rows], indexing="ij"), axis=-1
+        )
+        spots = [places[mask.any(axis=2)] for mask in touches]
+        middles = [spot.mean(axis=0) for spot in spots]
+        if float(np.abs(middles[0] - middles[1]).max()) > max(2e-3, 0.25 * hand.jaw_half_width_m):
+            return None
+        if not self._is_clear(column, tip, hand, left, right):
+            return None
+        centre = (middles[0] + middles[1]) / 2
+        reach = min(
+            float(np.linalg.norm(s - m, axis=1).mean()) for s, m in zip(spots, middles, strict=True)
+        )
+        return _Patch(
+            float(self.across_m[column]),
+            (left + right) / 2,
+            width,
+            np.array([centre[0], centre[1], (left + right) / 2]),
+            min(areas),
+            max(reach, 5e-4),
+        )
+
+    def _is_clear(self, column: int, tip: float, hand: Hand, left: float, right: float) -> bool:
+        """Return True if open jaws and the hand's body above them meet no material."""
+        middle = (left + right) / 2
+        open_m = min(right - left + 2 * _OPEN_M, hand.opening_m)
+        begin_m, end_m = middle - open_m / 2, middle + open_m / 2
+        for height, half, _, behind in hand.jaw_m:
+            above = self.out_m - tip
+            rows = (above >= height - 0.02) & (above <= height + 0.02) & (above > 0)
+            columns = np.abs(self.across_m - self.across_m[column]) <= half + _CLEAR_M
+            begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
+            hits_left = (begins < left - _CLEAR_M) & (ends > begin_m - behind)
+            hits_right = (ends > right + _CLEAR_M) & (begins < end_m + behind)
+            if hits_left.any() or hits_right.any():
+                return False
+        rows = self.out_m - tip > hand.tip_m - hand.underside_m - _CLEAR_M
+        columns = np.abs(self.across_m - self.across_m[column]) <= hand.half_width_m
+        begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
+        half_m = hand.half_length_m
+        meets = (begins < middle + half_m) & (ends > middle - half_m) & np.isfinite(begins)
+        return not bool(meets.any())
+
+
+def compute_cup_force_n(diameter_m: float) -> float:
+    """Return the force of a suction cup at a vacuum of 0.6 bar [N]."""
+    return float(_VACUUM_PA * np.pi * diameter_m**2 / 4)
+
+
+def _turn_forwards(closing: Floats) -> Floats:
+    """Return a direction or its opposite, the one with a positive leading component."""
+    leading = closing[np.abs(closing) > _ALMOST][0]
+    return closing if leading > 0 else -closing
+
+
+def _classify(grasp: JawGrasp) -> tuple[Any, ...]:
+    """Return side, closing direction and class of depth of a grasp."""
+    entry = grasp.entry
+    depth = int(np.searchsorted(_DEPTH_CLASSES_M, entry["depth_m"] - _ALMOST))
+    return str(entry.get("approach")), str(entry["closing_axis"]), depth
+
+
+def _differ(grasp: JawGrasp, other: JawGrasp) -> bool:
+    same = all(grasp.entry.get(key) == other.entry.get(key) for key in ("approach", "closing_axis"))
+    return not same or float(np.linalg.norm(np.subtract(grasp.tip_m, other.tip_m))) > _APART_M
+
+
+def _format(
+    approach: Floats, closing: Floats, point: Floats, width_m: float, depth_m: float
+) -> Entry:
+    """Return a grasp as in a task file."""
+    entry: Entry = {"type": "jaws"}
+    from_top = approach[2] < -0.5
+    if not from_top:
+        entry["approach"] = [float(value) + 0.0 for value in approach]
+    axis = int(np.argmax(np.abs(closing)))
+    if abs(closing[axis]) > 1 - 1e-9:
+        entry["closing_axis"] = "xyz"[axis]
+    else:
+        entry["closing_axis"] = [round(float(value), 9) + 0.0 for value in closing]
+    entry["depth_m"] = round(float(depth_m), 6)
+    entry["width_m"] = round(float(width_m), 6)
+    place = point[:2] if from_top else point
+    entry["at_m"] = [round(float(value), 5) + 0.0 for value in place]
+    return entry
