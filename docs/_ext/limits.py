@@ -51,7 +51,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
             "skillplan_cad.reading.step_file:MOST_BYTES",
             "skillplan_cad.reading.mesh_folder:MOST_BYTES_TOGETHER",
             "skillplan_cad.reading.raw_part:MOST_PARTS",
-            "skillplan_cad.reading.product_reader:MOST_TRIANGLES",
+            "skillplan_cad.reading.raw_part:MOST_TRIANGLES",
             "skillplan_cad.reading.occt_reader:MOST_PATH",
         ],
     ),

@@ -156,10 +156,14 @@ def test_curves_are_left_out_by_name_and_nameless_parts_are_numbered_by_place(tm
 
 
 def test_a_lone_solid_takes_the_name_of_its_assembly_and_controls_are_cleaned(tmp_path):
-    bolt = Product("BOLT").add("SOLID", cylinder(5, 5, 0, 2, 20))
+    """However deep it lies; a label of CATIA or Onshape gives way to the name of the design."""
+    shape = Product("COMPOUND").add("SOLID", cylinder(5, 5, 0, 2, 20))
+    bolt = Product("BOLT").add("Body1:1", shape)
     product = with_plate("odd", box(20, 20, 0, 30, 30, 10)).add("BOLT", bolt)
+    product.add("foot", box(40, 20, 0, 50, 30, 10), instance="*DIT36")
+    product.add("lid", box(40, 0, 0, 50, 10, 10), instance="P:V")
     whole = read(tmp_path, product, lambda text: text.replace("'odd'", r"'o\X\10d'"))
-    assert [part.name for part in whole] == ["plate", "o_d", "BOLT"]
+    assert [part.name for part in whole] == ["plate", "o_d", "BOLT", "foot", "lid"]
 
 
 def test_a_closed_skin_beside_a_solid_is_a_body_and_an_open_one_is_left_out(tmp_path):

@@ -20,7 +20,7 @@ from skillplan_cad.reading.names import (
     find_common_beginning,
     says_nothing,
 )
-from skillplan_cad.reading.raw_part import MOST_PARTS, Mended, RawPart, RawProduct
+from skillplan_cad.reading.raw_part import MOST_PARTS, MOST_TRIANGLES, Mended, RawPart, RawProduct
 
 SUFFIXES = (".stl", ".obj", ".ply")
 # Files of several meshes, in a unit of their own.
@@ -70,7 +70,7 @@ def read_folder(
     scale = resolve_unit_m(unit)
     parts: list[Mended] = []
     notes, warnings = [], []
-    left = MOST_BYTES_TOGETHER
+    left, count = MOST_BYTES_TOGETHER, 0
     stems = [decode_file_name(path).removesuffix(path.suffix) for path in files]
     beginning = find_common_beginning(stems)
     if beginning:
@@ -92,6 +92,12 @@ def read_folder(
             above = ("", name) if len(files) > 1 and len(solids) > 1 else ()
             for own, text in solids:
                 raw = RawPart(own or name, above, *_parse_mesh(path, text, scale))
+                count += len(raw.triangles)
+                if count > MOST_TRIANGLES:
+                    raise OptionError(
+                        f"{folder}: has more than {MOST_TRIANGLES:,} triangles up to {path.name}. "
+                        "Save it with fewer triangles, or import sub-assemblies one by one."
+                    )
                 parts.append(mend(raw, weld_m))
         except _FaultyMeshError as fault:
             warnings.append(f"{name} is left out: {decode_file_name(path)} {fault}")

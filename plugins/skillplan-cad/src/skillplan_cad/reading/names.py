@@ -8,8 +8,12 @@ import unicodedata
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-# Labels that exporters give to instances without a name.
-_LABEL = re.compile(r"(NAUO|nauo)?\d*|=>\[[\d:]*\]|NEXT_ASSEMBLY_USAGE_OCCURRENCE\d*")
+# Labels that exporters give to instances without a name; Onshape's end in ``:V``, CATIA's begin
+# with ``*``.
+_LABEL = re.compile(
+    r"(NAUO|nauo)?\d*|=>\[[\d:]*\]|NEXT_ASSEMBLY_USAGE_OCCURRENCE\d*|.{0,5}:V|\*[A-Z]{1,5}\d+",
+    re.DOTALL,
+)
 # Names of any part, which say nothing about this one, with the numbers that CAD adds.
 _GENERIC = re.compile(
     r"((manifold[ _]*)?solid([ _]*(body|brep))?|bod(y|ies)|compound|shell|brep|parts?|component|"

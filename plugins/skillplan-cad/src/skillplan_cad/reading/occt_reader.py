@@ -283,8 +283,9 @@ class _Tree:
         named = []
         for place, label in enumerate(labels, 1):
             name = _read_name(label)
-            if is_label(name):
-                name = _read_name(_resolve(label))
+            if says_nothing(name):
+                design = _read_name(_resolve(label))
+                name = design if is_label(name) or not says_nothing(design) else name
             if is_label(name):
                 name = f"part_{place}"
                 self._nameless.append(name)

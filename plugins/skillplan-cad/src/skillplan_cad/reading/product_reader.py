@@ -29,6 +29,7 @@ from skillplan_cad.reading.mending import (
 from skillplan_cad.reading.mesh_folder import SCENES, UNITS_M, read_folder, read_scene
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
 from skillplan_cad.reading.raw_part import (
+    MOST_TRIANGLES,
     Measure,
     Mended,
     RawPart,
@@ -200,8 +201,6 @@ STEEL_KG_M3 = 7850.0
 MOST_EXTENT_M = 10_000.0
 # The smallest tolerance does not resolve thinner parts.
 LEAST_THICKNESS_M = 1e-6
-# Largest number of triangles of all parts: 1.5 GB with what is derived from them.
-MOST_TRIANGLES = 3_000_000
 # Interval of reports of progress [s].
 _PATIENCE_S = 2.0
 # Largest number of parts in a message.
@@ -544,9 +543,11 @@ def _refuse_own_frames(path: Path, meshes: Sequence[Mended]) -> None:
     sharing = [pair for pair in pairs if share_boxes(*pair)]
     if len(sharing) < _FRAME_SHARE * len(pairs):
         return
-    deep = sum(
-        _overlap_deeply(meshes[first].part, meshes[second].part) for first, second in sharing
-    )
+    deep = 0
+    for left, (first, second) in zip(range(len(sharing), 0, -1), sharing, strict=True):
+        if deep + left < _FRAME_SHARE * len(pairs):
+            return
+        deep += _overlap_deeply(meshes[first].part, meshes[second].part)
     if deep < _FRAME_SHARE * len(pairs):
         return
     middle = np.mean([(low[number] + high[number]) / 2 for number in sample], axis=0)

@@ -42,8 +42,6 @@ _GIB = 1024**3
 _LEAST_S, _S_A_MEGABYTE = 120.0, 6.0
 # Raised whenever the same file is meshed otherwise.
 _FORMAT = 1
-# Interval of reports of progress [s].
-_PATIENCE_S = 2.0
 # Largest number of shapes that may crash OCCT or exceed its limits; each starts it again.
 _MOST_STOPS = 8
 Report = Callable[[str], None]
@@ -87,7 +85,7 @@ def read_in_process(
     limits
         Limits after which the process is killed.
     report
-        Called with the news of the process; numbers among them are those of shapes it begins with.
+        Called often, with the last news of the process; numbers are those of shapes it begins with.
 
     Raises
     ------
@@ -95,6 +93,7 @@ def read_in_process(
         If the process dies without an answer, or exceeds a limit.
     """
     shape: int | None = None
+    text = "entities"
     with closing(LocalProcesses(1)) as executor:
         if executor.refusal:
             return prepare(content)(None)
@@ -110,9 +109,11 @@ def read_in_process(
                     raise _describe_crash(path, worker, answer, shape)
                 if isinstance(answer, News) and isinstance(answer.content, int):
                     shape, since = answer.content, time.monotonic()
-                elif isinstance(answer, News) and report is not None:
-                    report(str(answer.content))
+                elif isinstance(answer, News):
+                    text = str(answer.content)
             now = time.monotonic()
+            if report is not None:
+                report(f"{text}, {now - begun:.0f} s")
             if now - begun > limits.seconds:
                 # Only a shape that took most of the time is to blame.
                 slow = shape if now - since > limits.seconds / 2 else None
@@ -156,17 +157,10 @@ def prepare(
     from skillplan_cad.reading.occt_reader import read_document
 
     path, chord_m, allowed, left_out = content
-    last = time.monotonic()
-
-    def report(text: str) -> None:
-        nonlocal last
-        if time.monotonic() - last > _PATIENCE_S:
-            last = time.monotonic()
-            send_news(text)
 
     def read(_: None) -> StepContent | None:
         try:
-            return read_document(Path(path), chord_m, allowed, report, left_out, send_news)
+            return read_document(Path(path), chord_m, allowed, send_news, left_out, send_news)
         except (RuntimeError, ValueError, MemoryError):
             return None
 

@@ -90,7 +90,12 @@ def _fit_patch(
     for number in facets:
         own = chosen[facet[chosen] == number]
         vector = (normals[own] * areas[own, None]).sum(axis=0)
-        faces.append(_build_plane(vertices_m, triangles, own, vector / np.linalg.norm(vector)))
+        length = float(np.linalg.norm(vector))
+        faces.append(
+            _build_plane(vertices_m, triangles, own, vector / length)
+            if length > 0
+            else Face("free", own)
+        )
     return faces
 
 
