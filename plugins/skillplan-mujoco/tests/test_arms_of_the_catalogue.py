@@ -5,7 +5,7 @@ import pytest
 from skillplan import Setup, TaskError, load_problem, solve
 from skillplan.checks import introduce
 from skillplan.robots import ARMS
-from thinned import slow_case
+from thinned import release_case, slow_case
 
 # Within reach of the smallest arm, and not too near for the largest.
 BOARD = """kind: assembly
@@ -20,10 +20,20 @@ parts:
     goal_m: [0.42, 0.11], goal_on: base}
 """
 CONTACTS = ("contact-pairs",)
-CASES = [
-    name if name in ("xarm6",) else slow_case(name, reason="one arm in every run")
-    for name in sorted(ARMS)
-]
+# Each has joints and shapes of the same kind as another arm.
+SIBLINGS = ("fr3", "iiwa14", "ur10e", "ur20", "ur3e", "xarm7")
+
+
+def cases(left_to_releases=()):
+    """Return all arms: one in every run, the others in the whole suite or before a release."""
+    return [
+        arm
+        if arm == "xarm6"
+        else release_case(arm, reason="executions; an arm of its kind in the whole suite")
+        if arm in left_to_releases
+        else slow_case(arm, reason="one arm in every run")
+        for arm in sorted(ARMS)
+    ]
 
 
 def load(folder, arm, tool_kg=0.73):
@@ -32,14 +42,23 @@ def load(folder, arm, tool_kg=0.73):
     return load_problem(path).task
 
 
-@pytest.mark.parametrize("arm", CASES)
-def test_swept_proves_the_board_and_both_engines_execute_the_plan(arm, tmp_path):
-    """The parts' geometry decides the cost, so that it is the same for all."""
-    task = load(tmp_path, arm)
+def prove(task):
+    """Return the skills of the plan that swept proves; the parts' geometry decides the cost."""
     result = solve(task, "exact", Setup(collision=("swept",)))
     assert result.status == "optimal", result.reason
     assert result.cost == pytest.approx(0.61083, abs=5e-6)
-    plan = [task.skill(step.skill) for step in result.steps]
+    return [task.skill(step.skill) for step in result.steps]
+
+
+@pytest.mark.parametrize("arm", cases())
+def test_swept_proves_the_board(arm, tmp_path):
+    prove(load(tmp_path, arm))
+
+
+@pytest.mark.parametrize("arm", cases(SIBLINGS))
+def test_both_engines_execute_the_plan_that_swept_proves(arm, tmp_path):
+    task = load(tmp_path, arm)
+    plan = prove(task)
     for engine in ("pybullet", "mujoco"):
         created, *_ = introduce(Setup(engine, CONTACTS).back_ends(task))
         done = created.perform(plan)
