@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from cad_fixtures import box, part_of, relation_by_hand
-from skillplan_cad import Planner, Product, add_groups
+from skillplan_cad import (
+    Planner,
+    Product,
+    Watch,
+    add_groups,
+    find_common_pattern,
+    list_stuck,
+)
 
 TUNNEL = box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 15, 9)
 BOTH = {"body": "key", "key": "body"}
@@ -49,6 +56,33 @@ def test_what_is_stuck_is_named_with_the_word_and_with_what_is_in_its_way():
     marked = add_groups(relation, plan)
     assert marked.stuck == ("key",)
     assert marked.groups == (("body", "key"),)
+
+
+def test_without_a_stuck_part_the_others_come_together():
+    """Body and key leave the lid as one, and the smaller one cannot leave the other."""
+    product, relation = keyed(TUNNEL)
+    plan = Planner(product, relation, budget=40).plan("lid")
+    assert plan.withdrawn == ("key",)
+    assert [step.parts for step in plan.steps] == [("body",)]
+    assert [stuck.part for stuck in plan.stuck] == ["key"]
+    reason = list_stuck(plan, relation)["key"]
+    assert (reason.kind, reason.by) == ("stuck", ("body",))
+
+
+def test_when_time_is_over_no_path_is_searched_and_what_needs_one_is_left_out():
+    product, relation = keyed(TUNNEL - box(25, 5, 3, 35, 40, 9))
+    plan = Planner(product, relation, watch=Watch(must_stop=lambda: True)).plan()
+    assert [step.parts for step in plan.steps] == [("lid",)]
+    (stuck,) = plan.stuck
+    assert (stuck.part, stuck.search.outcome) == ("key", "not searched")
+    assert list_stuck(plan, relation)["key"].kind == "not examined"
+
+
+def test_an_option_that_joins_two_parts_fits_no_other():
+    names = ("cylinder body", "cylinder rod", "unit/case", "unit/rod[1]", "pin 1", "pin 2", "pin 3")
+    assert find_common_pattern(("cylinder body", "cylinder rod"), names) == "cylinder *"
+    assert find_common_pattern(("unit/case", "unit/rod[1]"), names) == "unit/*"
+    assert find_common_pattern(("pin 1", "pin 2"), names) is None
 
 
 def test_two_links_in_a_case_come_as_one_after_they_were_put_together():

@@ -213,9 +213,10 @@ class Deadline:
         grace_s = _GRACE_SHARE * (time_limit_s or 0.0) + _GRACE_S if graceful else 0.0
         limit_command(time_limit_s, memory_limit_bytes, grace_s)
 
-    def is_over(self) -> bool:
-        """Return whether the deadline has passed."""
-        return time.monotonic() >= self._end_s
+    def is_over(self, share: float = 1.0) -> bool:
+        """Return whether the deadline has passed, or a share of the time until it."""
+        unused_s = 0.0 if share >= 1.0 else (1.0 - share) * (self.time_limit_s or 0.0)
+        return time.monotonic() >= self._end_s - unused_s
 
     def tell_if_over(self) -> bool:
         """Return whether the deadline has passed; if so, print that it ended the command."""

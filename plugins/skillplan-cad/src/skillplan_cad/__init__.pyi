@@ -6,7 +6,9 @@ from .importing.findings import Confirmation as Confirmation
 from .importing.materials import assign_materials as assign_materials
 from .importing.materials import parse_material as parse_material
 from .importing.planned import choose_attitude as choose_attitude
+from .importing.planned import find_common_pattern as find_common_pattern
 from .importing.planned import list_attitude_warnings as list_attitude_warnings
+from .importing.planned import list_stuck as list_stuck
 from .importing.settings import ImportSettings as ImportSettings
 from .joints.fastener_names import recognise_kind as recognise_kind
 from .joints.fasteners_of import FastenerOptions as FastenerOptions
@@ -33,6 +35,7 @@ from .planning.replay import replay as replay
 from .planning.sequence import Sequencer as Sequencer
 from .planning.shrunk_meshes import shrink_mesh as shrink_mesh
 from .planning.stability import Stability as Stability
+from .planning.watch import Watch as Watch
 from .product import Face as Face
 from .product import Part as Part
 from .product import Product as Product
@@ -94,6 +97,7 @@ __all__ = [
     "Sequencer",
     "Stability",
     "StepContent",
+    "Watch",
     "add_groups",
     "assemble_relation",
     "assign_materials",
@@ -108,6 +112,7 @@ __all__ = [
     "find_bearing",
     "find_best_bearing",
     "find_blocked",
+    "find_common_pattern",
     "find_free_path",
     "find_groups",
     "find_joints",
@@ -119,6 +124,7 @@ __all__ = [
     "list_attitude_warnings",
     "list_members",
     "list_names",
+    "list_stuck",
     "mend",
     "parse_material",
     "place_upright",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
 import typer
@@ -18,6 +20,8 @@ _DIRECTIONS = ("axes", "cylinders", "contacts")
 _THREADS = ("unscrew", "solid", "ignore")
 # Entry point of the importer.
 _NAME = "cad"
+# Share of the time limit after which planning stops; the rest is for the task and the pictures.
+_PLANNING_SHARE = 0.6
 
 
 def command(
@@ -267,9 +271,11 @@ def command(
     accepts) with its meshes. Parts that one arm cannot place are left out of the task; the report
     gives the reasons. The exit code is 1 if no part is left for a task.
 
-    Each stage is cached, so an interrupted import continues where it stopped. Needs the plugin
-    skillplan-cad.
+    Each stage is cached, so an interrupted import continues where it stopped. From the planning
+    on, Ctrl-C and --time-limit keep the result so far: parts that were not examined are left out.
+    Needs the plugin skillplan-cad.
     """
+    from skillplan.cli.interruption import handle_signals
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
@@ -277,7 +283,14 @@ def command(
     from skillplan.views.report.import_page import draw_import
     from skillplan.views.tables.installation import tabulate_import
 
-    limits.begin(graceful=False)
+    deadline = limits.begin(graceful=True)
+    interrupted = threading.Event()
+
+    @contextmanager
+    def stopping() -> Iterator[Callable[[], bool]]:
+        with handle_signals(interrupted.set):
+            yield lambda: interrupted.is_set() or deadline.is_over(_PLANNING_SHARE)
+
     imported = _importer()(
         product,
         out,
@@ -306,6 +319,7 @@ def command(
         },
         lambda line: tell(f"skillplan: {line}"),
         draw_import,
+        stopping,
     )
     for warning in imported.warnings:
         tell(f"skillplan: warning: {warning}")
@@ -313,7 +327,7 @@ def command(
     tables = tabulate_import(document, imported.lines, imported.advice, whole=style != "table")
     # CSV prints the last table.
     emit(style, document, tables[:1] if style == "csv" else tables)
-    return exit_code(solved=imported.complete)
+    return exit_code(solved=imported.complete, interrupted=interrupted.is_set())
 
 
 def _importer() -> Callable[..., Any]:

@@ -298,7 +298,11 @@ class KeptStages:
         self._tell = tell
 
     def run(
-        self, name: str, made_from: Mapping[str, Any], make: Callable[[], bytes]
+        self,
+        name: str,
+        made_from: Mapping[str, Any],
+        make: Callable[[], bytes],
+        is_partial: Callable[[], bool] = lambda: False,
     ) -> tuple[bytes, str]:
         """Return the result of a stage and its hash.
 
@@ -308,6 +312,8 @@ class KeptStages:
             All inputs of the stage, such as hashes of earlier stages.
         make
             Computes the result if it is not cached.
+        is_partial
+            Returns True if the result was cut short, and is not to be cached.
         """
         key = hashlib.sha256(
             json.dumps([name, __version__, dict(made_from)], sort_keys=True).encode()
@@ -317,7 +323,7 @@ class KeptStages:
         if content is None:
             self._tell(f"{name} ...")
             content = make()
-            if path is not None:
+            if path is not None and not is_partial():
                 # A result that cannot be cached is computed again next time.
                 with suppress(OSError):
                     path.parent.mkdir(parents=True, exist_ok=True)

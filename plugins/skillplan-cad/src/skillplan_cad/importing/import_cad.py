@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from skillplan_cad.importing.summary import (
     list_warnings,
     measure_gaps,
 )
+from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.names import decode_file_name
 from skillplan_cad.relation import Relation
@@ -148,8 +150,18 @@ class Imported:
     complete: bool = True
 
 
+@contextmanager
+def _never_stop() -> Iterator[Callable[[], bool]]:
+    yield lambda: False
+
+
 def import_cad(
-    source: str, out: str, given: dict[str, Any], tell: Tell, draw: Draw | None = None
+    source: str,
+    out: str,
+    given: dict[str, Any],
+    tell: Tell,
+    draw: Draw | None = None,
+    stopping: Callable[[], AbstractContextManager[Callable[[], bool]]] = _never_stop,
 ) -> Imported:
     """Import a product.
 
@@ -161,6 +173,8 @@ def import_cad(
         Options by name; None for the default.
     draw
         Draws the pictures and the page; None for none.
+    stopping
+        Returns a context for planning, with a function that returns True once planning must stop.
 
     Raises
     ------
@@ -173,7 +187,8 @@ def import_cad(
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_describe_missing_base(settings.base, relation))
-    plan = plan_product(path, findings, settings)
+    with stopping() as must_stop:
+        plan = plan_product(path, findings, settings, Watch(tell, must_stop))
     relation = plan.relation
     waived = list_waived_pairs(findings.joints, findings.blocked, settings.threads)
     gaps = measure_gaps(product, relation)

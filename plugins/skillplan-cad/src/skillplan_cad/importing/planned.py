@@ -23,6 +23,7 @@ from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, St
 from skillplan_cad.planning.bearing import ATTITUDES, Bearing, find_bearing, find_best_bearing
 from skillplan_cad.planning.precedence import list_members
 from skillplan_cad.planning.replay import Replay, replay
+from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.product_reader import fits_pattern, read_finer
 from skillplan_cad.relation import LeftOut, Relation
@@ -257,6 +258,8 @@ _SHOWN = 6
 # Largest number of steps that are printed.
 _MOST_STEPS = 12
 _LEAST_PATTERN = 3
+# Raised whenever the same relation gives another plan.
+_PLAN_FORMAT = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -284,17 +287,22 @@ class Planned:
     added: tuple[AddedBody, ...]
 
 
-def plan_product(path: Path, findings: Findings, settings: ImportSettings) -> Planned:
+def plan_product(
+    path: Path, findings: Findings, settings: ImportSettings, watch: Watch | None = None
+) -> Planned:
     """Plan a product and write its task.
 
     Parameters
     ----------
     path
         Source of the product; read again for the replay.
+    watch
+        Reports progress, and says when to stop: parts that are not examined then are left out.
     """
+    watch = watch or Watch()
     product, relation = findings.relieved, findings.relation
     bearing = choose_attitude(product, relation, settings.up)
-    plan, again = _plan_and_replay(path, findings, settings, bearing)
+    plan, again = _plan_and_replay(path, findings, settings, bearing, watch)
     tolerance_m = settings.tolerance_mm / 1000
     document: dict[str, Any] = {"plan": build_plan_document(plan, again, relation)}
     files: dict[str, str | bytes] = {}
@@ -414,7 +422,7 @@ def _build_task_document(task: WrittenTask, relation: Relation) -> dict[str, Any
 
 
 def _plan_and_replay(
-    path: Path, findings: Findings, settings: ImportSettings, bearing: Bearing
+    path: Path, findings: Findings, settings: ImportSettings, bearing: Bearing, watch: Watch
 ) -> tuple[AssemblyPlan, Replay]:
     """Return a plan and its replay with other meshes, from the cache if possible."""
     product, relation = findings.relieved, findings.relation
@@ -429,25 +437,32 @@ def _plan_and_replay(
             "base": settings.base,
             "up": bearing.up,
             "grounded": grounded,
+            "format": _PLAN_FORMAT,
         },
         lambda: serialize_plan(
-            Planner(product, relation, tolerance_m).plan(settings.base, bearing.up, grounded)
+            Planner(product, relation, tolerance_m, watch=watch).plan(
+                settings.base, bearing.up, grounded
+            )
         ),
+        watch.must_stop,
     )
     plan = restore_plan(content)
 
     def replayed() -> bytes:
+        if watch.must_stop():
+            return serialize_replay(Replay(0, (), (), False))
         finer = read_finer(path, findings.product, settings.reading, _FINER)
         same = any(part in findings.product.parts for part in finer)
         share = 1.0 if same else _FINER
         joints = findings.joints
         finer = relieve_fits(finer, joints.contacts, joints.fasteners, tolerance_m)
-        return serialize_replay(replay(finer, relation, plan, share * tolerance_m))
+        return serialize_replay(replay(finer, relation, plan, share * tolerance_m, watch))
 
     content, _ = findings.stages.run(
         "replaying the plan with other meshes",
         {"product": findings.read_hash, "plan": plan_hash, "tolerance_m": tolerance_m},
         replayed,
+        watch.must_stop,
     )
     return plan, restore_replay(content)
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +18,7 @@ from skillplan_cad.planning.precedence import (
 from skillplan_cad.planning.sequence import Removal, Sequencer
 from skillplan_cad.planning.shrunk_meshes import MeshTrees
 from skillplan_cad.planning.stability import Stability
+from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.relation import Relation
 
@@ -221,35 +220,6 @@ DRIVER, GRIPPER = "screwdriver", "gripper"
 _MOST_FOR_ALL_FORCES = 60
 _ALMOST = 0.9
 _EFFORT, _PART_SHARE = 6_000.0, 0.2
-_SLOW_S = 2.0
-
-
-class Watch:
-    """Reports the progress of planning, and says when to stop.
-
-    Parameters
-    ----------
-    tell
-        Prints a line.
-    must_stop
-        Returns True once the time is over, or after Ctrl-C.
-    """
-
-    def __init__(
-        self,
-        tell: Callable[[str], None] = lambda line: None,
-        must_stop: Callable[[], bool] = lambda: False,
-    ) -> None:
-        self.tell, self.must_stop = tell, must_stop
-
-    @contextmanager
-    def examine(self, text: str) -> Iterator[None]:
-        """Print a line about work that took over two seconds."""
-        start_s = time.monotonic()
-        yield
-        seconds = time.monotonic() - start_s
-        if seconds > _SLOW_S:
-            self.tell(f"{text}: {seconds:.0f} s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -474,6 +444,8 @@ class Planner:
     def _take_apart(self, work: _Work, present: int, base: int, up: Vector) -> None:
         """Remove parts until only the base remains; record the stuck parts."""
         while present != 1 << base:
+            if self._watch.must_stop():
+                work.cheapest = False
             sequencer = Sequencer(
                 work.precedence,
                 tuple(work.directions),

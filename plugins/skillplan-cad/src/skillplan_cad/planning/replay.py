@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.motion_space import rotate_about
+from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Part, Product, Vector, make_solid
 from skillplan_cad.relation import Relation
 
@@ -58,20 +59,27 @@ class Replay:
         First fault of each pair in each step.
     not_solid
         Parts whose meshes enclose no volume, which were not tested.
+    complete
+        False if the time was over before all steps were tested.
     """
 
     samples: int
     faults: tuple[Fault, ...]
     not_solid: tuple[str, ...]
+    complete: bool = True
 
     @property
     def agrees(self) -> bool:
         """True if the replay confirms the plan."""
-        return not self.faults and not self.not_solid
+        return self.complete and not self.faults and not self.not_solid
 
 
 def replay(
-    product: Product, relation: Relation, plan: AssemblyPlan, tolerance_m: float = 1e-4
+    product: Product,
+    relation: Relation,
+    plan: AssemblyPlan,
+    tolerance_m: float = 1e-4,
+    watch: Watch | None = None,
 ) -> Replay:
     """Disassemble a plan's product, the last step first, and return the overlaps.
 
@@ -83,15 +91,21 @@ def replay(
         Relation with fasteners; threads may overlap.
     tolerance_m
         Allowed thickness of overlaps, in addition to the chords of round faces [m].
+    watch
+        Reports progress, and says when to stop.
     """
+    watch = watch or Watch()
     solids = {part.name: _build_solid(part) for part in product}
     broken = tuple(name for name, solid in solids.items() if solid is None)
     sound = {name: solid for name, solid in solids.items() if solid is not None}
     together = _list_assembled(plan)
     allowed = tolerance_m + 2 * product.chord_m
-    samples, faults = 0, []
+    samples = 0
+    faults: list[Fault] = []
     bounds = {part.name: part.bounds_m for part in product}
     for number in reversed(range(len(plan.steps))):
+        if watch.must_stop():
+            return Replay(samples, tuple(faults), broken, False)
         step = plan.steps[number]
         known: set[tuple[str, str]] = set()
         standing = [name for name in together[number] if name in sound]
