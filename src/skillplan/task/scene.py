@@ -100,6 +100,8 @@ class Body:
         `shapes` leave room in fits; else empty.
     fits
         Fits that `shapes` leave more room than the exact shapes.
+    fixed
+        True for a body that nothing moves, however it is pushed.
     """
 
     name: str
@@ -109,6 +111,7 @@ class Body:
     grasps: tuple[Grasp, ...] = ()
     surfaces: tuple[Shape, ...] = ()
     fits: tuple[Fit, ...] = ()
+    fixed: bool = False
 
     def __post_init__(self) -> None:
         if not self.shapes:

@@ -97,8 +97,12 @@ class Cell:
         first = int(self.model.body_geomadr[self.ids[name]])
         return range(first, first + int(self.model.body_geomnum[self.ids[name]]))
 
+    def is_still(self, name: str) -> bool:
+        """Return whether a body is a part of the world that has no coordinates."""
+        return int(self.model.body_jntnum[self.ids[name]]) == 0
+
     def coordinates(self, name: str) -> tuple[slice, slice]:
-        """Return the slices of a body's coordinates and speeds in the state."""
+        """Return the slices of a moving body's coordinates and speeds in the state."""
         if name in self._coordinates:
             return self._coordinates[name]
         joint = self.model.body_jntadr[self.ids[name]]

@@ -306,6 +306,13 @@ def _add_link(before: Any, number: int, joint: Joint) -> Any:
 
 
 def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
+    if body.fixed:
+        pose = body.placements[0].pose
+        x, y, z, w = pose.orientation
+        still = spec.worldbody.add_body(name=body.name, pos=pose.position, quat=(w, x, y, z))
+        for shape in body.shapes:
+            set_contact(add_shape(spec, still, shape), friction)
+        return
     part = spec.worldbody.add_body(name=body.name, pos=get_parking_position(number))
     part.add_freejoint()
     properties = compute_mass_properties(body).at_least(LEAST_INERTIA_KG_M2)

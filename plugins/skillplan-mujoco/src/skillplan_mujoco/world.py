@@ -205,12 +205,13 @@ class World:
         Parameters
         ----------
         stands
-            Ignored: every body in the world can be moved.
+            Ignored: every body in the world can be moved, except those of a task that are fixed.
         """
         number = self.numbers[body.name] = self.ids[body.name]
         self._masses[body.name] = body.mass_kg
-        self.model.body_gravcomp[number] = 0.0
-        self.put(body.name, pose)
+        if not body.fixed:
+            self.model.body_gravcomp[number] = 0.0
+            self.put(body.name, pose)
         self._masks.set()
         return number
 
@@ -233,6 +234,11 @@ class World:
 
     def pose(self, name: str) -> Pose:
         """Return the pose of the centre of a body's bottom."""
+        if self.cell.is_still(name):
+            number = self.ids[name]
+            px, py, pz = self.model.body_pos[number].tolist()
+            w, x, y, z = self.model.body_quat[number].tolist()
+            return Pose((px, py, pz), (x, y, z, w))
         place, _ = self.cell.coordinates(name)
         px, py, pz, w, x, y, z = self.data.qpos[place].tolist()
         return Pose((px, py, pz), (x, y, z, w))
@@ -244,7 +250,7 @@ class World:
     def is_sane(self) -> bool:
         """Return whether every body has a finite position and a plausible speed."""
         qpos, qvel = self.data.qpos, self.data.qvel
-        for place, speed in map(self.cell.coordinates, self._masses):
+        for place, speed in map(self.cell.coordinates, self._masses.keys() - self.fixed):
             # NaN is not within limits, either.
             position = [abs(value) < _FAR_M for value in qpos[place][:3].tolist()]
             linear = [abs(value) < _FAST_M_PER_S for value in qvel[speed][:3].tolist()]
@@ -289,8 +295,8 @@ class World:
 
     @property
     def fixed(self) -> frozenset[str]:
-        """Bodies that cannot move: none."""
-        return frozenset()
+        """Bodies that cannot move."""
+        return frozenset(name for name in self._masses if self.cell.is_still(name))
 
     def others(self, name: str) -> list[str]:
         """Return the names of the table and all bodies but one."""

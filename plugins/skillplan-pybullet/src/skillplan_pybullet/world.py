@@ -249,6 +249,8 @@ class World:
         self._masses: dict[str, float] = {}
         # Bodies that are not convex, and whether they are fixed.
         self._hollow: dict[str, tuple[Body, bool]] = {}
+        # Bodies that a task fixes.
+        self._still: set[str] = set()
         # Constraints between bodies that are fixed to each other.
         self._fastened: dict[tuple[str, str], int] = {}
         with quiet_output():
@@ -306,7 +308,7 @@ class World:
             bodies consist of convex pieces.
         """
         properties = compute_mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
-        is_fixed = stands and bool(body.surfaces)
+        is_fixed = body.fixed or (stands and bool(body.surfaces))
         number = make_body(
             self.client,
             body.exact_shapes if is_fixed else body.shapes,
@@ -315,7 +317,10 @@ class World:
         )
         self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
         self._hollow.pop(body.name, None)
-        if body.surfaces:
+        self._still.discard(body.name)
+        if body.fixed:
+            self._still.add(body.name)
+        elif body.surfaces:
             self._hollow[body.name] = (body, is_fixed)
         self.name(number, body.name)
         self._filter.added(body.name)
@@ -341,7 +346,8 @@ class World:
     @property
     def fixed(self) -> frozenset[str]:
         """Bodies that are fixed now."""
-        return frozenset(name for name, (_, fixed) in self._hollow.items() if fixed)
+        standing = {name for name, (_, fixed) in self._hollow.items() if fixed}
+        return frozenset(standing | self._still)
 
     def stand(self, moving: Iterable[str]) -> None:
         """Fix all bodies except those to be moved; see `add`."""

@@ -32,7 +32,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
             _MAX_ISSUES,
         )
     )
-    if not any(issue.path[0] in ("parts", "screws") for issue in issues):
+    if not any(issue.path[0] in ("parts", "fixtures", "screws") for issue in issues):
         issues += islice(find_geometry_issues(config), _MAX_ISSUES)
     return issues
 
@@ -42,7 +42,7 @@ def _check_names(config: AssemblyConfig) -> Iterator[Issue]:
         message = f"the name {WORLD!r} is taken by the world frame. Choose another."
         yield Issue(message, ("robot", "name"))
     owners: dict[str, str] = {}
-    for section in ("tools", "feeders", "parts", "screws"):
+    for section in ("tools", "feeders", "fixtures", "parts", "screws"):
         for name in getattr(config, section):
             if name in owners:
                 message = f"the name {name!r} is taken in {owners[name]!r}. Choose another."
@@ -71,6 +71,9 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
         if part.start_on in config.parts and config.parts[part.start_on].feeder is not None:
             message = f"{part.start_on!r} comes from a feeder; nothing can lie on it."
             yield Issue(message, (*here, "start_on"))
+    for name, fixture in config.fixtures.items():
+        here = ("fixtures", name)
+        yield from check(fixture.stands_on, config.fixtures, "fixture", *here, "stands_on")
     for name, screw in config.screws.items():
         here = ("screws", name)
         yield from check(screw.tool, config.tools, "tool", *here, "tool")
@@ -93,13 +96,14 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
 
 def _check_supports(config: AssemblyConfig, name: str) -> Iterator[Issue]:
     """Yield unknown, repeated and circular names of the supports and fits of a part."""
-    part = config.parts[name]
+    part, supports = config.parts[name], [*config.parts, *config.fixtures]
     for key, named in (("start_on", part.start_on), ("goal_on", part.goal_on)):
         names = [named] if isinstance(named, str) else named or []
         for index, other in enumerate(names):
             path = ("parts", name, key, index) if len(names) > 1 else ("parts", name, key)
-            if other not in config.parts:
-                yield Issue(f"unknown part {other!r}. {name_hint(other, config.parts)}", path)
+            if other not in supports:
+                kind = "part or fixture" if config.fixtures else "part"
+                yield Issue(f"unknown {kind} {other!r}. {name_hint(other, supports)}", path)
             elif other == name:
                 yield Issue(f"{name!r} cannot lie on itself. Name another part.", path)
             elif other in names[:index]:
@@ -122,6 +126,15 @@ def _check_cycles(config: AssemblyConfig) -> Iterator[Issue]:
         if cycle:
             message = f"parts stand on each other in a cycle: {' on '.join(cycle)}."
             yield Issue(message, ("parts", cycle[0], key))
+    stacked = {
+        name: [fixture.stands_on]
+        for name, fixture in config.fixtures.items()
+        if fixture.stands_on is not None
+    }
+    cycle = _find_cycle(stacked)
+    if cycle:
+        message = f"fixtures stand on each other in a cycle: {' on '.join(cycle)}."
+        yield Issue(message, ("fixtures", cycle[0], "stands_on"))
     before: dict[str, list[str]] = {}
     for line in config.chart:
         for after in line.after:

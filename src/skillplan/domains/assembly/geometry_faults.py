@@ -13,7 +13,7 @@ from skillplan.domains.assembly.holding import trace_ray_m
 from skillplan.domains.assembly.insertion import find_insertion_issues
 from skillplan.domains.assembly.layout import get_layout, list_rim
 from skillplan.domains.assembly.part_meshes import build_origin_hint, find_piece_issues
-from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
+from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig, Shaped
 from skillplan.domains.assembly.resting import find_resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
@@ -31,16 +31,20 @@ _FAR_M = 0.002
 
 def find_shape_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield shapes off their part's bottom, impossible masses and indivisible concave meshes."""
-    for name, part in config.parts.items():
-        boxes = part.bounding_boxes
+    owners: list[tuple[str, str, Shaped]] = [("parts", *item) for item in config.parts.items()]
+    owners += [("fixtures", *item) for item in config.fixtures.items()]
+    for section, name, body in owners:
+        boxes = body.bounding_boxes
         bottom_m = min(box.centre[2] - box.size[2] / 2 for box in boxes)
         if abs(bottom_m) > TOUCH_M:
-            lowest = "mesh" if part.meshes is not None else "box"
+            lowest = "mesh" if body.meshes is not None else "box"
             message = (
-                f"the lowest {lowest} begins at {bottom_m:.4f} m, not at the part's bottom, 0. "
-                "Shift 'centre_m'."
+                f"the lowest {lowest} begins at {bottom_m:.4f} m, not at the {section[:-1]}'s "
+                "bottom, 0. Shift 'centre_m'."
             )
-            yield Issue(message, ("parts", name, part.shape_key))
+            yield Issue(message, (section, name, body.shape_key))
+    for name, part in config.parts.items():
+        boxes = part.bounding_boxes
         volume_m3 = sum(math.prod(box.size) for box in boxes)
         # The default mass is a guess and need not fit the shape.
         given = "mass_kg" in part.model_fields_set
@@ -50,7 +54,7 @@ def find_shape_issues(config: AssemblyConfig) -> Iterator[Issue]:
                 "metal. Is it in grams?"
             )
             yield Issue(message, ("parts", name, "mass_kg"))
-    count = sum(len(part.boxes or part.meshes or (1,)) for part in config.parts.values())
+    count = sum(len(body.boxes or body.meshes or (1,)) for _, _, body in owners)
     if count > _MAX_SHAPES:
         yield Issue(f"must have at most {_MAX_SHAPES} boxes in all.", ("parts",))
     yield from find_piece_issues(config)
@@ -67,10 +71,11 @@ def find_geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
 
 
 def measure_distances_m(config: AssemblyConfig) -> dict[tuple[str, str, str], float]:
-    """Return the distances of parts at the start from the starts and goals of other parts [m].
+    """Return the distances of parts at the start from the places of other bodies [m].
 
-    Distances are in plan, along x or y, the larger one; negative if the parts overlap. Keys are the
-    part, the other part, and ``start`` or ``goal`` of the other part.
+    Distances are in plan, along x or y, the larger one; negative if the bodies overlap. Keys are
+    the part, the other part or fixture, and ``start`` or ``goal`` of the other one; a fixture is
+    where it starts.
     """
     layout = get_layout(config)
     starts, goals = (
@@ -80,11 +85,17 @@ def measure_distances_m(config: AssemblyConfig) -> dict[tuple[str, str, str], fl
         }
         for place in (layout.start, layout.goal)
     )
+    fixed = {
+        name: _find_hull(box_at(box, layout.fixture(name).pose) for box in fixture.bounding_boxes)
+        for name, fixture in config.fixtures.items()
+    }
     lying = [name for name, part in config.parts.items() if part.feeder is None]
     pairs = {
         (a, b, "start"): _measure_distance_m(starts[a], starts[b])
         for a, b in combinations(lying, 2)
     }
+    for a, b in product(lying, fixed):
+        pairs[a, b, "start"] = _measure_distance_m(starts[a], fixed[b])
     for a, b in product(lying, goals):
         if a != b:
             pairs[a, b, "goal"] = _measure_distance_m(starts[a], goals[b])

@@ -19,7 +19,7 @@ from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.resting import find_bearers
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kinds, make_point
-from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL
+from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, FIXED, HAND_FREE, HOME, NO_TOOL
 from skillplan.task.cost import DistanceCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
@@ -41,6 +41,8 @@ from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
 MOST_STEPS = 100_000
 """Greatest step limit of a file."""
 
+# Mass of a fixture [kg]: no back end moves it.
+_FIXTURE_KG = 1.0
 # Greatest probability that a part is left behind after all tries that the step limit allows.
 _LEFT_BEHIND = 1e-3
 
@@ -96,6 +98,7 @@ class _Grounding:
                 NO_TOOL if config.initial_tool is None else f"tool({config.initial_tool})",
                 HAND_FREE,
                 f"at({HOME})",
+                *([FIXED] if config.fixtures else []),
             ),
             goal=Condition(facts.of(*goal), facts.none),
             metric=_METRICS[config.cost],
@@ -386,7 +389,7 @@ def choose_step_limit(config: AssemblyConfig) -> int:
 
 
 def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
-    """Return the constant geometry: parts, screws, tools and the arm.
+    """Return the constant geometry: parts, screws, fixtures, tools and the arm.
 
     Parameters
     ----------
@@ -399,6 +402,7 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
         bodies=(
             *(_build_part(config, name) for name in config.parts),
             *(_build_screw(config, name) for name in config.screws),
+            *(_build_fixture(config, name) for name in config.fixtures),
         ),
         robots=(
             Robot(
@@ -440,6 +444,7 @@ def _build_part(config: AssemblyConfig, name: str) -> Body:
         list_grasps(config, name),
         () if convex == shapes else shapes,
         tuple(Fit(into, fit.drawn_m, fit.play_m) for into, fit in (part.fits or {}).items()),
+        fixed=part.fixed,
     )
 
 
@@ -449,6 +454,14 @@ def _build_screw(config: AssemblyConfig, name: str) -> Body:
     head = Cylinder(screw.head_diameter_m, height_m, (0.0, 0.0, height_m / 2))
     driven = Placement(f"fastened({name})", get_layout(config).hole_pose(screw))
     return Body(name, (head,), (driven,), screw.mass_kg)
+
+
+def _build_fixture(config: AssemblyConfig, name: str) -> Body:
+    fixture = config.fixtures[name]
+    convex, shapes = fixture.convex_shapes, fixture.shapes
+    place = Placement(FIXED, get_layout(config).fixture(name).pose)
+    surfaces = () if convex == shapes else shapes
+    return Body(name, convex, (place,), _FIXTURE_KG, (), surfaces, fixed=True)
 
 
 def _build_tool(config: AssemblyConfig, name: str) -> Tool:

@@ -77,8 +77,8 @@ def list_place_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visi
 def measure_insertion_m(config: AssemblyConfig, name: str, direction: Point) -> float | None:
     """Return the length of an insertion [m].
 
-    It is as given, or the length to clear every part at its goal that the part goes into, plus
-    5 mm. None for a part that comes straight down from above everything.
+    It is as given, or the length to clear every part at its goal, and every fixture, that the part
+    goes into, plus 5 mm. None for a part that comes straight down from above everything.
     """
     given_m = config.parts[name].insert_m
     if given_m is not None or is_same_direction(direction, DOWN):
@@ -87,7 +87,7 @@ def measure_insertion_m(config: AssemblyConfig, name: str, direction: Point) -> 
     level = min(AXES.values(), key=lambda axis: abs(dot(axis, direction)))
     across = unit(cross(direction, level))
     axes = (across, cross(direction, across), direction)
-    for other in config.parts:
+    for other in (*config.parts, *config.fixtures):
         if other != name and all(
             _measure_overlap_m(config, name, other, axis) > _TOUCH_M for axis in axes
         ):
@@ -107,17 +107,18 @@ def _list_given_directions(part: PartConfig) -> tuple[Point, ...]:
 
 
 def _measure_overlap_m(config: AssemblyConfig, name: str, other: str, axis: Point) -> float:
-    """Return the overlap of two parts at their goals along a direction [m]."""
+    """Return the overlap of a part at its goal with another body along a direction [m]."""
     back = _negate(axis)
     high_m = min(_measure_reach_m(config, name, axis), _measure_reach_m(config, other, axis))
     return high_m + min(_measure_reach_m(config, name, back), _measure_reach_m(config, other, back))
 
 
 def _measure_reach_m(config: AssemblyConfig, name: str, direction: Point) -> float:
-    """Return the extent of a part at its goal along a direction of the world [m]."""
+    """Return the extent of a part at its goal, or of a fixture, along a direction [m]."""
     pose = get_layout(config).goal(name).pose
     own = pose.inverse().rotate(direction)
-    extent_m = max(shape.reach_m(own) for shape in config.parts[name].shapes)
+    body = config.fixtures.get(name) or config.parts[name]
+    extent_m = max(shape.reach_m(own) for shape in body.shapes)
     return dot(pose.position, direction) + extent_m
 
 

@@ -59,13 +59,24 @@ class Layout:
 
     def __init__(self, config: AssemblyConfig) -> None:
         self.config = config
+        self._fixtures: dict[str, Solid] = {}
         self._starts: dict[str, Solid] = {}
         self._goals: dict[str, Solid] = {}
         # Start and goal share the shapes: meshes of thousands of corners keep derived data.
         self._shapes: dict[str, tuple[Shape, ...]] = {}
 
+    def fixture(self, name: str) -> Solid:
+        """Return a fixture where it stays."""
+        if name not in self._fixtures:
+            fixture = self.config.fixtures[name]
+            beneath = [] if fixture.stands_on is None else [self.fixture(fixture.stands_on)]
+            self._fixtures[name] = self._place(name, fixture.at_m, fixture.turn_rad, beneath)
+        return self._fixtures[name]
+
     def start(self, name: str) -> Solid:
-        """Return a part at the start; a part in a feeder as the feeder presents it."""
+        """Return a part at the start, in a feeder as that presents it; or a fixture."""
+        if name in self.config.fixtures:
+            return self.fixture(name)
         if self.config.parts[name].fixed:
             return self.goal(name)
         if name not in self._starts:
@@ -81,7 +92,9 @@ class Layout:
         return self._starts[name]
 
     def goal(self, name: str) -> Solid:
-        """Return a part at its goal."""
+        """Return a part at its goal, or a fixture."""
+        if name in self.config.fixtures:
+            return self.fixture(name)
         if name not in self._goals:
             part = self.config.parts[name]
             beneath = [self.goal(other) for other in part.goal_on or ()]
@@ -120,9 +133,10 @@ class Layout:
         beneath: list[Solid],
         height_m: float = 0.0,
     ) -> Solid:
-        """Return a part at a given place, or else resting on the solids beneath it."""
+        """Return a body at a given place, or else resting on the solids beneath it."""
         if name not in self._shapes:
-            self._shapes[name] = self.config.parts[name].shapes
+            owner = self.config.fixtures.get(name) or self.config.parts[name]
+            self._shapes[name] = owner.shapes
         shapes = self._shapes[name]
         if len(place_m) == 3:
             x_m, y_m, z_m = place_m

@@ -120,8 +120,8 @@ class _Draw:
         ]
 
     def _carrier(self, name: str) -> str:
-        """Return the part on the table that carries a part at the start, or the part itself."""
-        while beneath := find_bearers(self.config, name):
+        """Return the lowest part that carries a body at the start, or the body itself."""
+        while name in self.config.parts and (beneath := find_bearers(self.config, name)):
             name = beneath[0]
         return name
 

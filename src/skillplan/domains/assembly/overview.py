@@ -11,7 +11,7 @@ from skillplan.domains.assembly.holding import name_direction
 from skillplan.domains.assembly.insertion import list_directions, measure_insertion_m
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_meshes import list_moved_meshes, list_pieces
-from skillplan.domains.assembly.part_schema import PartConfig
+from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig
 from skillplan.domains.assembly.resting import Rest, find_goal_rests, find_start_rests
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig, list_given_kinds
@@ -93,6 +93,10 @@ def _find_blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
         for name, part in config.parts.items()
         if part.feeder is None
     }
+    lying |= {
+        name: tuple(box_at(box, layout.fixture(name).pose) for box in fixture.bounding_boxes)
+        for name, fixture in config.fixtures.items()
+    }
     for feeder in config.feeders:
         presented = _list_presented(config, feeder)
         blocked = {
@@ -100,7 +104,13 @@ def _find_blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
             for name, own in lying.items()
         }
         for name, waiting in blocked.items():
-            if waiting:
+            if waiting and name in config.fixtures:
+                message = (
+                    f"{name!r} stands where {feeder!r} hands out {_join_names(waiting)}, which "
+                    "cannot be taken. Move one of them."
+                )
+                yield Issue(message, ("fixtures", name, "at_m"))
+            elif waiting:
                 message = (
                     f"{name!r} lies where {feeder!r} hands out {_join_names(waiting)}, which "
                     "cannot be taken before it is gone. Move one of them."
@@ -159,11 +169,27 @@ def list_supports(config: AssemblyConfig) -> Overview:
         before = "fixed from the start" if part.fixed else f"at the start {before}"
         lines.append(f"rests      {name} on {_format_rests(goal)}; {before}")
         entries.append({"part": name, "start": _build_rests(start), "goal": _build_rests(goal)})
+    fixtures = []
+    for name, fixture in config.fixtures.items():
+        bottom_m = get_layout(config).fixture(name).box.low[2]
+        lines.append(f"fixture    {name} {_locate_fixture(fixture, bottom_m)}")
+        bottom_mm = round(bottom_m * 1e3, 3) + 0.0
+        fixtures.append({"fixture": name, "stands_on": fixture.stands_on, "bottom_mm": bottom_mm})
     origins, meshes = list_moved_meshes(config)
     more, pieces = list_pieces(config)
-    extra = {"meshes": meshes, "pieces": pieces}
+    extra = {"fixtures": fixtures, "meshes": meshes, "pieces": pieces}
     document = {"rests": entries, **{key: values for key, values in extra.items() if values}}
     return Overview(document, (*lines, *origins, *more))
+
+
+def _locate_fixture(fixture: FixtureConfig, bottom_m: float) -> str:
+    """Return where a fixture is: on another, on the table, let into it, or in the air."""
+    if fixture.stands_on is not None:
+        return f"on {fixture.stands_on}"
+    if abs(bottom_m) <= _TOUCH_M:
+        return "on the table"
+    words = "above the table" if bottom_m > 0 else "deep in the table"
+    return f"{abs(bottom_m) * 1e3:.1f} mm {words}"
 
 
 def _format_rests(rests: list[Rest]) -> str:

@@ -1,4 +1,4 @@
-"""Meshes of parts: shifts against the frames of their files, and convex pieces of concave ones."""
+"""Meshes of parts and fixtures: shifts against their files' frames, and pieces of concave ones."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class MovedMesh:
 def find_moved_meshes(config: AssemblyConfig, parts: Iterable[str]) -> Iterator[MovedMesh]:
     """Yield the moved meshes of some parts."""
     for name in parts:
-        meshes = config.parts[name].meshes or []
+        meshes = (config.fixtures.get(name) or config.parts[name]).meshes or []
         # Several meshes of a part keep their heights relative to the lowest.
         lowest_m = min((mesh.middle_m[2] - mesh.size_m[2] / 2 for mesh in meshes), default=0.0)
         for index, mesh in enumerate(meshes):
@@ -77,7 +77,7 @@ def build_origin_hint(config: AssemblyConfig, parts: Iterable[str]) -> str:
 
 def list_moved_meshes(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
     """Return all moved meshes of an assembly, in words and as JSON values."""
-    moved = list(find_moved_meshes(config, config.parts))
+    moved = list(find_moved_meshes(config, (*config.parts, *config.fixtures)))
     lines = [f"mesh       {mesh.words} ({mesh.part})" for mesh in moved]
     entries = [
         {
@@ -101,7 +101,8 @@ def find_piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
         try:
             decompose(mesh, f"{name!r}, mesh {number} of {len(concave)}")
         except NoPieces as error:
-            yield Issue(f"{error}.", ("parts", name, "meshes", index, "file"))
+            section = "fixtures" if name in config.fixtures else "parts"
+            yield Issue(f"{error}.", (section, name, "meshes", index, "file"))
 
 
 def list_pieces(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
@@ -132,9 +133,9 @@ def list_pieces(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]
 def _list_concave_meshes(
     config: AssemblyConfig,
 ) -> Iterator[tuple[str, int, Mesh, tuple[Mesh, ...]]]:
-    for name, part in config.parts.items():
-        for index, mesh in enumerate(part.meshes or ()):
-            if not mesh.convex or (part.fits and mesh.given_pieces):
+    for name, body in (*config.parts.items(), *config.fixtures.items()):
+        for index, mesh in enumerate(body.meshes or ()):
+            if body.moves_as_pieces(mesh):
                 yield name, index, mesh.shape, mesh.given_pieces
 
 

@@ -1,4 +1,4 @@
-"""YAML schema of parts (shape, start, goal) and of screws."""
+"""YAML schema of parts (shape, start, goal), fixtures and screws."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ from skillplan.domains.assembly.schema_types import (
     ScrewDurations,
     Spatial,
     is_absent,
+    is_empty,
     make_point,
     make_unit,
 )
@@ -55,10 +56,6 @@ Names = Annotated[
 ]
 
 
-def _is_false(value: bool) -> bool:
-    return not value
-
-
 # Keys that say how a hand moves a part.
 _MOVED_KEYS = (
     *("tool", "grasp", "grasp_failure", "start_m", "start_on", "feeder", "start_yaw_rad"),
@@ -66,7 +63,7 @@ _MOVED_KEYS = (
 )
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
-"""Keys for the shape of a part, exactly one of which is given."""
+"""Keys for the shape of a part or a fixture, exactly one of which is given."""
 
 
 class BoxConfig(Strict):
@@ -203,16 +200,9 @@ class FitConfig(Strict):
     )
 
 
-class PartConfig(Strict):
-    """A part: shape, start and goal."""
+class Shaped(Strict):
+    """A body whose shape is given by one of several keys."""
 
-    tool: Name = Field("", description="the tool that grasps it; a fixed part has none")
-    fixed: bool = Field(
-        False,
-        exclude_if=_is_false,
-        description="it stands at its goal from the start, and no hand moves it: a heavy base",
-    )
-    mass_kg: Mass = Field(0.1, description="mass [kg]")
     size_m: Extents | None = Field(
         None, description="extents of a simple box, x y z [m]; or one of boxes, cylinder and meshes"
     )
@@ -225,6 +215,81 @@ class PartConfig(Strict):
     meshes: Annotated[list[MeshConfig], Field(min_length=1, max_length=16)] | None = Field(
         None, description="polyhedra from files, convex or not; instead of size_m"
     )
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        if sum(getattr(self, key) is not None for key in SHAPE_KEYS) != 1:
+            raise Located("give one of 'size_m', 'boxes', 'cylinder' and 'meshes'.")
+        return self
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Shapes in the body's own frame, whose origin is at the centre of its bottom."""
+        if self.size_m is not None:
+            x_m, y_m, z_m = self.size_m
+            return (Box((x_m, y_m, z_m), (0.0, 0.0, z_m / 2)),)
+        if self.cylinder is not None:
+            height_m = self.cylinder.height_m
+            return (Cylinder(self.cylinder.diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
+        if self.meshes is not None:
+            return tuple(mesh.shape for mesh in self.meshes)
+        return tuple(
+            Box(make_point(box.size_m), make_point(box.centre_m)) for box in self.boxes or ()
+        )
+
+    @property
+    def convex_shapes(self) -> tuple[Shape, ...]:
+        """Convex shapes of the body: pieces replace a concave mesh.
+
+        Raises
+        ------
+        NoPieces
+            If no installed plugin decomposes such a mesh.
+        """
+        meshes = self.meshes or ()
+        if not any(map(self.moves_as_pieces, meshes)):
+            return self.shapes
+        # Imports numpy, which most boards do not need.
+        from skillplan.collision.decomposition import decompose
+
+        shapes: list[Shape] = []
+        for mesh in meshes:
+            if self.moves_as_pieces(mesh):
+                shapes += mesh.given_pieces or decompose(mesh.shape).pieces
+            else:
+                shapes.append(mesh.shape)
+        return tuple(shapes)
+
+    def moves_as_pieces(self, mesh: MeshConfig) -> bool:
+        """Return True if a mesh of the body is concave."""
+        return not mesh.convex
+
+    @property
+    def bounding_boxes(self) -> tuple[Box, ...]:
+        """Smallest upright boxes about the shapes, in the body's frame."""
+        return tuple(shape.box for shape in self.shapes)
+
+    @property
+    def height_m(self) -> float:
+        """Height of the top above the bottom [m]."""
+        return max(box.centre[2] + box.size[2] / 2 for box in self.bounding_boxes)
+
+    @property
+    def shape_key(self) -> str:
+        """The key that gives its shape."""
+        return next(key for key in SHAPE_KEYS if getattr(self, key) is not None)
+
+
+class PartConfig(Shaped):
+    """A part: shape, start and goal."""
+
+    tool: Name = Field("", description="the tool that grasps it; a fixed part has none")
+    fixed: bool = Field(
+        False,
+        exclude_if=is_empty,
+        description="it stands at its goal from the start, and no hand moves it: a heavy base",
+    )
+    mass_kg: Mass = Field(0.1, description="mass [kg]")
     grasp: Grasps = Field(
         default_factory=GraspConfig,
         description="its grasp; a list of grasps to choose from, the preferred first; auto: "
@@ -288,9 +353,7 @@ class PartConfig(Strict):
     )
 
     @model_validator(mode="after")
-    def _one_shape_one_start(self) -> PartConfig:
-        if sum(getattr(self, key) is not None for key in SHAPE_KEYS) != 1:
-            raise Located("give one of 'size_m', 'boxes', 'cylinder' and 'meshes'.")
+    def _one_start(self) -> PartConfig:
         if self.fixed:
             for key in _MOVED_KEYS:
                 if key in self.model_fields_set:
@@ -319,63 +382,45 @@ class PartConfig(Strict):
         """Roll, pitch and yaw at the goal [rad]."""
         return _make_turn(self.goal_rpy_rad, self.goal_yaw_rad)
 
-    @property
-    def shapes(self) -> tuple[Shape, ...]:
-        """Shapes of the part in its own frame."""
-        if self.size_m is not None:
-            x_m, y_m, z_m = self.size_m
-            return (Box((x_m, y_m, z_m), (0.0, 0.0, z_m / 2)),)
-        if self.cylinder is not None:
-            height_m = self.cylinder.height_m
-            return (Cylinder(self.cylinder.diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
-        if self.meshes is not None:
-            return tuple(mesh.shape for mesh in self.meshes)
-        return tuple(
-            Box(make_point(box.size_m), make_point(box.centre_m)) for box in self.boxes or ()
-        )
-
-    @property
-    def convex_shapes(self) -> tuple[Shape, ...]:
-        """Convex shapes of the part: pieces replace a concave mesh.
-
-        Raises
-        ------
-        NoPieces
-            If no installed plugin decomposes such a mesh.
-        """
-        meshes = self.meshes or ()
-        if all(mesh.convex and not (self.fits and mesh.given_pieces) for mesh in meshes):
-            return self.shapes
-        # Imports numpy, which most boards do not need.
-        from skillplan.collision.decomposition import decompose
-
-        shapes: list[Shape] = []
-        for mesh in meshes:
-            if mesh.convex and not (self.fits and mesh.given_pieces):
-                shapes.append(mesh.shape)
-            else:
-                shapes += mesh.given_pieces or decompose(mesh.shape).pieces
-        return tuple(shapes)
-
-    @property
-    def bounding_boxes(self) -> tuple[Box, ...]:
-        """Smallest upright boxes about the shapes, in the part's frame."""
-        return tuple(shape.box for shape in self.shapes)
-
-    @property
-    def height_m(self) -> float:
-        """Height of the top above the bottom [m]."""
-        return max(box.centre[2] + box.size[2] / 2 for box in self.bounding_boxes)
-
-    @property
-    def shape_key(self) -> str:
-        """The key that gives its shape."""
-        return next(key for key in SHAPE_KEYS if getattr(self, key) is not None)
+    def moves_as_pieces(self, mesh: MeshConfig) -> bool:
+        """Return True if a mesh is concave, or if its given pieces leave room in fits."""
+        return super().moves_as_pieces(mesh) or bool(self.fits and mesh.given_pieces)
 
 
 def _make_turn(rpy_rad: list[float] | None, yaw_rad: float) -> Point:
     roll, pitch, yaw = rpy_rad or (0.0, 0.0, yaw_rad)
     return (roll, pitch, yaw)
+
+
+class FixtureConfig(Shaped):
+    """A body that stays where it is: a jig, a rack, a wall, a camera above the table."""
+
+    at_m: PlanarOrSpatial = Field(
+        description="place of the centre of its bottom, x y or x y z [m]; without z it stands on "
+        "stands_on, or on the table; with z it may be in the air or let into the table"
+    )
+    stands_on: Name | None = Field(
+        None, description="the fixture that it stands on; left out: the table, or what at_m says"
+    )
+    yaw_rad: Angle = Field(0.0, description="yaw [rad]")
+    rpy_rad: Angles | None = Field(
+        None,
+        description="rotation about the fixed axes x, y and z in this order [rad]; instead of "
+        "yaw_rad",
+    )
+
+    @model_validator(mode="after")
+    def _one_turn(self) -> FixtureConfig:
+        if {"yaw_rad", "rpy_rad"} <= self.model_fields_set and self.rpy_rad is not None:
+            raise Located("give one of 'yaw_rad' and 'rpy_rad', not both.", "rpy_rad")
+        if self.stands_on is not None and len(self.at_m) == 3:
+            raise Located("give x y only, as it stands on another fixture.", "at_m")
+        return self
+
+    @property
+    def turn_rad(self) -> Point:
+        """Roll, pitch and yaw [rad]."""
+        return _make_turn(self.rpy_rad, self.yaw_rad)
 
 
 class ScrewConfig(Strict):

@@ -38,7 +38,7 @@ class Rest:
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """All parts at the start, or all at their goals."""
+    """All parts at the start, or all at their goals, and the fixtures."""
 
     key: str
     when: str
@@ -52,10 +52,13 @@ class _Stage:
 
 
 def find_bearers(config: AssemblyConfig, name: str) -> list[str]:
-    """Return the parts that a part lies on at the start, by name or by its height."""
+    """Return the parts that a part lies on at the start, by name or by its height.
+
+    Fixtures are none of them: they are never taken away.
+    """
     part = config.parts[name]
     if part.start_m is None or len(part.start_m) == 2:
-        return [] if part.start_on is None else [part.start_on]
+        return [part.start_on] if part.start_on in config.parts else []
     layout = get_layout(config)
     own = layout.start(name)
     lying = [other for other, at in config.parts.items() if other != name and at.feeder is None]
@@ -82,7 +85,7 @@ def find_resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
             overlapping |= names
             yield issue
         for name in stage.solids:
-            if name not in overlapping:
+            if name not in overlapping and name in config.parts:
                 hint = build_origin_hint(config, (name, *stage.named.get(name, ())))
                 for issue in _find_gaps(config.parts[name], name, stage):
                     yield replace(issue, message=f"{issue.message}{hint}")
@@ -94,7 +97,7 @@ def _collect_starts(config: AssemblyConfig) -> _Stage:
     return _Stage(
         "start",
         "at the start",
-        {name: layout.start(name) for name in lying},
+        {name: layout.start(name) for name in (*config.fixtures, *lying)},
         {name: [on] for name in lying if (on := config.parts[name].start_on) is not None},
     )
 
@@ -104,7 +107,7 @@ def _collect_goals(config: AssemblyConfig) -> _Stage:
     return _Stage(
         "goal",
         "at their goals",
-        {name: layout.goal(name) for name in config.parts},
+        {name: layout.goal(name) for name in (*config.fixtures, *config.parts)},
         {name: on for name, part in config.parts.items() if (on := part.goal_on) is not None},
     )
 
@@ -127,8 +130,13 @@ def _is_bearing(lower: Solid, upper: Solid) -> bool:
 
 
 def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issue, set[str]]]:
-    """Yield overlaps of parts with each other and with the table, and the names of the parts."""
+    """Yield overlaps of parts with each other, with fixtures and with the table, and the names.
+
+    Fixtures may overlap each other and the table: nothing moves them.
+    """
     for first, second in combinations(stage.solids, 2):
+        if second in config.fixtures:
+            continue
         depth_m = stage.solids[second].depth_m(stage.solids[first])
         if depth_m > TOUCH_M:
             way_m = stage.solids[second].way_out_m(stage.solids[first])
@@ -140,6 +148,8 @@ def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issu
             key = f"{stage.key}_m" if given else f"{stage.key}_on"
             yield Issue(message, ("parts", second, key)), {first, second}
     for name, solid in stage.solids.items():
+        if name in config.fixtures:
+            continue
         depth_m = -solid.box.low[2]
         if depth_m > TOUCH_M:
             message = f"{name!r} is {_show_mm(depth_m)} deep in the table {stage.when}. Raise it."

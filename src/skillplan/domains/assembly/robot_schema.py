@@ -26,6 +26,7 @@ from skillplan.domains.assembly.schema_types import (
     Spatial,
     ToolDurations,
     is_absent,
+    is_empty,
 )
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continue_sentence, shown
@@ -47,10 +48,6 @@ LinkName = Annotated[str, Field(min_length=1, max_length=256)]
 FolderName = Annotated[str, Field(min_length=1, max_length=4096)]
 
 
-def _is_empty(value: Any) -> bool:
-    return not value
-
-
 class RobotConfig(Strict):
     """The arm."""
 
@@ -62,13 +59,13 @@ class RobotConfig(Strict):
     )
     packages: Annotated[list[FolderName], Field(max_length=64)] = Field(
         default_factory=list,
-        exclude_if=_is_empty,
+        exclude_if=is_empty,
         description="of a URDF, folders of ROS packages, or folders that contain them; left out: "
         "those around the file, and those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH",
     )
     xacro_args: dict[Name, str] = Field(
         default_factory=dict,
-        exclude_if=_is_empty,
+        exclude_if=is_empty,
         description="arguments of a xacro file; left out: its defaults",
     )
     base_m: Spatial = Field([0.0, 0.0, 0.0], description="base, x y z [m]")

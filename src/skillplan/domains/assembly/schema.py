@@ -6,9 +6,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
+from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig, ScrewConfig
 from skillplan.domains.assembly.robot_schema import RobotConfig, ToolConfig
-from skillplan.domains.assembly.schema_types import DurationsConfig, Height, Planar
+from skillplan.domains.assembly.schema_types import (
+    DurationsConfig,
+    Height,
+    Planar,
+    is_empty,
+)
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
 from skillplan.task.pose import Point
@@ -154,6 +159,12 @@ class AssemblyConfig(Strict):
     )
     feeders: Annotated[dict[Name, FeederConfig], Field(max_length=64)] = Field(
         {}, description="feeders by name; left out: none"
+    )
+    fixtures: Annotated[dict[Name, FixtureConfig], Field(max_length=128)] = Field(
+        {},
+        exclude_if=is_empty,
+        description="bodies that stay where they are, by name, which nothing may run into, and on "
+        "which parts may lie; left out: none",
     )
     parts: Annotated[dict[Name, PartConfig], Field(min_length=1, max_length=256)] = Field(
         description="parts by name"

@@ -144,6 +144,11 @@ _NEXT = "left out: dwell of its tool, or of the task"
 _LAST = "left out: dwell of the task"
 
 
+def is_empty(value: Any) -> bool:
+    """Return True if a section is left out or empty, as `is_absent`."""
+    return not value
+
+
 def _is_usual(value: float) -> bool:
     return value == _FETCH_S
 

@@ -9,6 +9,8 @@ HAND_FREE = "hand_free"
 NO_TOOL = "no_tool"
 CHANGED_TOOL = "changed_tool"
 HOME = "home"
+FIXED = "fixed"
+"""Fact that always holds where a file has fixtures; they are there while it does."""
 
 
 def name_start(config: AssemblyConfig, part: str) -> str:
@@ -49,8 +51,9 @@ def list_facts(config: AssemblyConfig) -> Facts:
     moved = config.moved_parts
     held = tuple(f"held({part})" for part in moved)
     whereabouts = tuple((f"at_start({p})", f"held({p})", f"placed({p})") for p in moved)
+    fixed = [FIXED] if config.fixtures else []
     return Facts(
-        (*parts, *screws, *tools, HAND_FREE, CHANGED_TOOL, *stands),
+        (*parts, *screws, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed),
         ((HAND_FREE, *held), tuple(tools), tuple(stands), *whereabouts),
     )
 

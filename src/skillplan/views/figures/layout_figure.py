@@ -40,6 +40,7 @@ _MOST_HEIGHT_PX = 900.0
 _LEAST_SHARE = 0.65
 _STATION_PX = 13.0
 _NAME_PX = 11.0
+_FIXTURE_OPACITY = 0.22
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,7 @@ class _Layout:
         self.skills = skills
         self.starts = task.scene.at(task.initial)
         self.goals = task.scene.at(task.goal.requires)
+        self.fixtures = [body.name for body in task.scene.bodies if body.fixed]
         self.low, self.high = self._extent()
         wide_m, tall_m = self.high[0] - self.low[0], self.high[1] - self.low[1]
         room = width_px - 2 * _MARGIN_PX
@@ -109,6 +111,7 @@ class _Layout:
     def draw(self) -> Picture:
         """Return the picture."""
         reached = self._draw_reach()
+        self._draw_fixtures()
         self._draw_footprints(self.starts, dashed=True)
         self._draw_footprints(self.goals, dashed=False)
         for name, position in self.scene.stations.items():
@@ -180,10 +183,21 @@ class _Layout:
         inside = zip(self.low, point, self.high, strict=True)
         return all(low <= value <= high for low, value, high in inside)
 
+    def _draw_fixtures(self) -> None:
+        """Draw fixtures from above, lower ones first."""
+        for name in sorted(self.fixtures, key=lambda name: self._top(name, self.starts[name])):
+            for outline in find_outlines(self.scene.body(name), self.starts[name]):
+                points = [*map(self._pixels, outline)]
+                self.picture.polygon(
+                    points, "muted", "muted", 1.2, opacity=_FIXTURE_OPACITY, note=Note(name)
+                )
+
     def _draw_footprints(self, poses: Mapping[str, Pose], *, dashed: bool) -> None:
         """Draw bodies from above, lower ones first."""
         names = [body.name for body in self.scene.bodies]
         for name, pose in sorted(poses.items(), key=lambda entry: self._top(*entry)):
+            if name in self.fixtures:
+                continue
             role = SERIES[names.index(name) % len(SERIES)]
             opacity, note = (
                 0.08 if dashed else 0.3,
@@ -283,6 +297,7 @@ class _Layout:
             ("blue", "blue", 1.2, 0.08, "where a part starts"),
             ("blue", "blue", 1.2, 0.3, "its goal"),
             ("paper", "ink", 1.4, 1.0, "tool holder or feeder"),
+            *([("muted", "muted", 1.2, _FIXTURE_OPACITY, "fixed")] if self.fixtures else []),
         ):
             box = make_rectangle(left, top - 5, left + 14, top + 5)
             dashed = opacity < 0.1

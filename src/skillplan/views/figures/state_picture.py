@@ -93,7 +93,10 @@ def _draw_cell(picture: Picture, task: Task, state: State) -> None:
     area = _Area(points, 0.02)
     for x, y in map(area.pixels, scene.stations.values()):
         picture.polygon(make_rectangle(x - 8, y - 8, x + 8, y + 8), "paper", "muted", 1.0)
-    roles = {body.name: SERIES[i % len(SERIES)] for i, body in enumerate(scene.bodies)}
+    roles = {
+        body.name: "muted" if body.fixed else SERIES[i % len(SERIES)]
+        for i, body in enumerate(scene.bodies)
+    }
 
     def draw(name: str, pose: Pose, opacity: float, *, dashed: bool) -> None:
         for outline in find_outlines(scene.body(name), pose):

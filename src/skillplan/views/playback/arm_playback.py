@@ -255,7 +255,7 @@ class _ArmPlayback:
             goal = goals.get(body.name)
             kind = "screw" if body.name in screws else "part"
             # The same colour as in the pictures.
-            colour = COLOURS[SERIES[number % len(SERIES)]]
+            colour = COLOURS["muted" if body.fixed else SERIES[number % len(SERIES)]]
             if np.isnan(rows).any(axis=1).all():
                 if goal is None:
                     continue

@@ -125,6 +125,8 @@ class SupportTrials:
         return None
 
     def _moved_m(self, body: Located, beneath: Neighbourhood) -> float:
+        if body.body.fixed:
+            return 0.0
         is_simple = (
             body.is_boxy
             and len(body.body.shapes) == 1

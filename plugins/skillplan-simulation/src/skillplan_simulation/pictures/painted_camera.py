@@ -278,6 +278,7 @@ ARM_COLOUR: Colour = (0.93, 0.93, 0.94, 1.0)
 HAND_COLOUR: Colour = (0.36, 0.37, 0.40, 1.0)
 # Marks on the table for feeders and docks.
 FEEDER_COLOUR: Colour = (0.60, 0.66, 0.74, 1.0)
+FIXTURE_COLOUR: Colour = (0.55, 0.57, 0.60, 1.0)
 DOCK_COLOUR: Colour = (0.42, 0.46, 0.52, 1.0)
 # Colliding bodies are red and orange, everything else is pale.
 ALARMS: tuple[Colour, Colour] = ((0.90, 0.10, 0.10, 1.0), (1.0, 0.55, 0.05, 1.0))
@@ -316,7 +317,7 @@ class CellStyle:
         names += [tool.name for robot in scene.robots for tool in robot.tools]
         self._colours = {
             name: PALETTE[get_colour_number(scene, name) % len(PALETTE)] for name in names
-        }
+        } | {body.name: FIXTURE_COLOUR for body in scene.bodies if body.fixed}
 
     def colour(self, name: str, culprits: Sequence[str]) -> Colour:
         """Return the colour of a body, of the table, or of arm, hand or finger."""
