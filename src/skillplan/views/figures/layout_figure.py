@@ -33,7 +33,10 @@ from skillplan.views.figures.solids import Point, find_outlines
 
 SOLVER = "exact"
 
-_MARGIN_PX = 26.0
+_MARGIN_PX = 34.0
+_TICK_PX = 8.0
+# Distance of grid lines [px], at least.
+_GRID_PX = 70.0
 _LEGEND_PX = 44.0
 _MOST_HEIGHT_PX = 900.0
 # The base and the rim of the reach are shown unless they shrink the cell below this share.
@@ -110,6 +113,7 @@ class _Layout:
 
     def draw(self) -> Picture:
         """Return the picture."""
+        self._draw_grid()
         reached = self._draw_reach()
         self._draw_fixtures()
         self._draw_footprints(self.starts, dashed=True)
@@ -157,6 +161,25 @@ class _Layout:
         low, high = _find_bounds(points)
         pad = 0.05 * max(high[0] - low[0], high[1] - low[1], 0.1)
         return (low[0] - pad, low[1] - pad), (high[0] + pad, high[1] + pad)
+
+    def _draw_grid(self) -> None:
+        """Draw lines of equal x and of equal y, with their values in metres at the edges."""
+        step_m = _round_down(2.5 * _GRID_PX / self.scale)
+        left, bottom = self._pixels(self.low)
+        right, top = self._pixels(self.high)
+        for axis, name in enumerate("xy"):
+            first, last = (math.floor(end[axis] / step_m) for end in (self.low, self.high))
+            for number in range(first + 1, last + 1):
+                x, y = self._pixels((number * step_m, number * step_m))
+                text = f"{number * step_m:.6g}"
+                if axis == 0:
+                    self.picture.line(((x, top), (x, bottom)), "faint", 0.6)
+                    self.picture.label((x, bottom + _TICK_PX), text, "muted", SMALL_PX)
+                else:
+                    self.picture.line(((left, y), (right, y)), "faint", 0.6)
+                    self.picture.label((left - 3, y), text, "muted", SMALL_PX, "end")
+            at = (right + 4, bottom) if axis == 0 else (left, top - _TICK_PX)
+            self.picture.label(at, f"{name} [m]", "muted", SMALL_PX, "start")
 
     def _draw_reach(self) -> bool:
         """Draw the visible rim of the reach and the base; return whether some rim is visible."""
