@@ -13,8 +13,8 @@ PART = {"tool": "hand", "size_m": [0.04, 0.04, 0.02], "start_m": [0.4, 0.3], "go
 JIG = {"size_m": [0.10, 0.10, 0.03], "at_m": [0.5, 0.0]}
 
 
-def config_of(fixtures, **part):
-    """Return an assembly of one part and some fixtures."""
+def config_of(fixtures, others=None, **part):
+    """Return an assembly of a part, some fixtures and perhaps other parts."""
     return AssemblyConfig.model_validate(
         {
             "kind": "assembly",
@@ -23,7 +23,7 @@ def config_of(fixtures, **part):
             "tools": {"hand": {"holder_m": [0.3, 0.4], "type": "suction"}},
             "initial_tool": "hand",
             "fixtures": fixtures,
-            "parts": {"part": {**PART, **part}},
+            "parts": {**(others or {}), "part": {**PART, **part}},
         }
     )
 
@@ -65,6 +65,12 @@ def test_they_are_there_in_every_state_and_no_skill_moves_them():
         assert task.scene.at(state)["jig"] == body.placements[0].pose
         state = task.skill(step.skill).prediction_in(state).apply(state)
     assert result.cost == pytest.approx(solve(task_of(config_of({})), setup=BOXES).cost)
+
+
+def test_a_fixed_part_is_held_still_as_a_fixture_is():
+    base = {"fixed": True, "size_m": [0.1, 0.1, 0.02], "goal_m": [0.5, 0.0]}
+    task = task_of(config_of({}, {"base": base}, goal_on="base"))
+    assert [body.name for body in task.scene.bodies if body.fixed] == ["base"]
 
 
 def test_nothing_is_placed_through_a_fixture():
