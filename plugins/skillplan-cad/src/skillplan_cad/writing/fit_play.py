@@ -108,6 +108,11 @@ class FitPlay:
             for contact in relation.contacts
             if contact.radius_difference_m is not None
         ]
+        self._overlaps_m = {
+            frozenset(contact.parts): contact.fit.depth_m
+            for contact in relation.contacts
+            if contact.fit is not None and contact.kind != "thread"
+        }
         # Clearances as drawn, by the names of both parts [m].
         self.drawn_m: dict[frozenset[str], float] = {}
         for first, second, clearance_m in drawn:
@@ -129,7 +134,11 @@ class FitPlay:
             gaps_mm = [gap for hull in everything for gap in hull.face(solid, along)]
             if gaps_mm:
                 pair = frozenset((part.name, other))
-                drawn_m = round(self.drawn_m.get(pair, min(gaps_mm) / _TO_MM), _DECIMALS) + 0.0
+                drawn_m = self.drawn_m.get(pair)
+                if drawn_m is None:
+                    # Pieces may reach into the other part where meshes do not.
+                    drawn_m = max(-self._overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
+                drawn_m = round(drawn_m, _DECIMALS) + 0.0
                 fits.append(Played(part.name, other, drawn_m, max(drawn_m, PLAY_M)))
         pieces = tuple(
             tuple(
