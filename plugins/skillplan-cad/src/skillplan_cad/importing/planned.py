@@ -210,8 +210,8 @@ def list_attitude_warnings(
     warnings = []
     if requested == AUTO and up != next(iter(ATTITUDES)):
         warnings.append(
-            f"{up} points up, as then {stand} of {count} parts stand by themselves, more than with "
-            "any other axis; --up sets another."
+            f"{up} points up, as then {stand} of {count} parts stand by themselves and the arm "
+            "brings most; --up sets another."
         )
     best = bearing if requested == AUTO else find_best_bearing(product, relation)
     if len(best.order) > stand:
@@ -322,8 +322,6 @@ def plan_product(
     without |= stuck
     if without:
         bearing = find_bearing(product, relation, bearing.up, without)
-    document["attitude"] = build_attitude_document(bearing)
-    warnings += list_attitude_warnings(product, relation, bearing, settings.up)
     joints = findings.joints
     loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
     remarks = {
@@ -338,7 +336,11 @@ def plan_product(
         arm = choose_arm(placed, bearing.up) if placed else DEFAULT_ARM
         if arm != DEFAULT_ARM:
             lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
-    task = build_task(loose, relation, plan, arm, bearing, without, remarks)
+    ups = ATTITUDES.values() if settings.up == AUTO else ()
+    others = (find_bearing(product, relation, up, without) for up in ups)
+    task = build_task(loose, relation, plan, arm, bearing, without, remarks, others)
+    document["attitude"] = build_attitude_document(task.bearing)
+    warnings += list_attitude_warnings(product, relation, task.bearing, settings.up)
     document |= build_left_out_document(task.left_out)
     if task.document:
         files |= task.files

@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.planning.bearing import Bearing, find_bearing, find_best_bearing, list_required
+from skillplan_cad.planning.bearing import (
+    ATTITUDES,
+    Bearing,
+    find_bearing,
+    find_best_bearing,
+    list_required,
+)
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, LeftOut, Relation
@@ -498,6 +504,8 @@ def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
 
 
 _MOST_DIRECTIONS = 3
+# Number of further orientations that are tried if the arm cannot bring all parts.
+_MOST_ORIENTATIONS = 1
 _BELOW_SHANK_M = 0.01
 _COMMENT_WIDTH = 98
 
@@ -528,6 +536,8 @@ class WrittenTask:
         Reasons why `check` refuses the task that leaving parts out does not fix.
     pieces
         Convex pieces by product name, with the pairs that they block wrongly.
+    bearing
+        Supports of the parts in the task's orientation.
     """
 
     document: Mapping[str, Any]
@@ -538,6 +548,7 @@ class WrittenTask:
     faults: tuple[str, ...]
     upright: Upright
     pieces: ProvedPieces
+    bearing: Bearing
 
 
 def build_task(
@@ -548,11 +559,13 @@ def build_task(
     bearing: Bearing | None = None,
     without: Mapping[str, LeftOut] | None = None,
     remarks: Mapping[str, str] | None = None,
+    others: Iterable[Bearing] | None = None,
 ) -> WrittenTask:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
-    Leaves out parts that lack support, need more than a straight move, come from below, or are
-    refused by `check`, and what depends on those. `document` is empty if no part remains.
+    Leaves out parts that lack support, need more than a straight move, come from below, are refused
+    by `check`, or that the arm cannot bring, and what depends on those. `document` is empty if no
+    part remains.
 
     Parameters
     ----------
@@ -564,9 +577,79 @@ def build_task(
         Parts to leave out, with the reasons.
     remarks
         Clauses about parts, which are listed with the limits of one arm.
+    others
+        Other orientations, which are tried if the arm cannot bring all parts that stand; default:
+        all, or none if `bearing` is given.
     """
     absent = dict(without or {})
-    bearing = bearing or find_best_bearing(product, relation, absent)
+    if others is None:
+        ups = () if bearing is not None else ATTITUDES.values()
+        others = (find_bearing(product, relation, up, absent) for up in ups)
+    first = bearing or find_best_bearing(product, relation, absent)
+    best = _build_upright(product, relation, plan, robot, first, absent, remarks or {})
+    most = _weigh(product, best.names)
+    if most >= _weigh(product, _list_promised(relation, first)):
+        return best
+    ranked = sorted(
+        (
+            (_weigh(product, _list_promised(relation, other, best)), other)
+            for other in others
+            if other.up != first.up
+        ),
+        key=lambda pair: -pair[0],
+    )
+    for promised, other in ranked[:_MOST_ORIENTATIONS]:
+        if promised > most:
+            task = _build_upright(product, relation, plan, robot, other, absent, remarks or {})
+            weight = _weigh(product, task.names)
+            if weight > most:
+                best, most = task, weight
+    return best
+
+
+def _list_promised(
+    relation: Relation, bearing: Bearing, tried: WrittenTask | None = None
+) -> set[str]:
+    """Return the parts that stand, and the screws that can be driven then.
+
+    Parameters
+    ----------
+    tried
+        Task in another orientation: parts that the arm could not bring fail again upside down, and
+        screws unless they come from above.
+    """
+    promised = {*bearing.order, *(relation.driven - bearing.undriven.keys())}
+    if tried is None:
+        return promised
+    up = np.asarray(bearing.up)
+    is_parallel = abs(float(up @ np.asarray(tried.bearing.up))) > _FLAT
+    for name, reason in tried.left_out.items():
+        fastener = relation.fastener(name) if name in relation.driven else None
+        from_above = fastener is not None and float(up @ np.asarray(fastener.axis)) > _FLAT
+        repeats = (fastener is not None or is_parallel) and not from_above
+        if repeats and reason.kind in ("no grasp", "unreachable", "follows"):
+            promised.discard(name)
+    return promised
+
+
+def _weigh(product: Product, names: Collection[str]) -> float:
+    """Return the sum of the shares of some parts in the number and in the mass of all."""
+    whole_kg = sum(part.mass_kg for part in product)
+    mass_kg = sum(part.mass_kg for part in product if part.name in names)
+    return round(len(set(names)) / len(product) + mass_kg / whole_kg, 6)
+
+
+def _build_upright(
+    product: Product,
+    relation: Relation,
+    plan: AssemblyPlan,
+    robot: str,
+    bearing: Bearing,
+    without: Mapping[str, LeftOut],
+    remarks: Mapping[str, str],
+) -> WrittenTask:
+    """Write the task in one orientation."""
+    absent = dict(without)
     indirect = find_indirect_parts(plan)
     holds = PartHolds(product, relation, plan.base, bearing.up, robot)
     granted: set[str] = set()
@@ -589,7 +672,7 @@ def build_task(
         kept = {part.name for part in product} - left_out.keys()
         if not kept - holds.fixed.keys() or not kept - relation.driven:
             return _write_nothing(product, bearing, left_out)
-        writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks or {}, holds)
+        writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks, holds)
         if writer.places.without:
             words = "finds no place within the arm's reach"
             absent |= {name: LeftOut(name, "no place", words) for name in writer.places.without}
@@ -623,7 +706,8 @@ def _write_nothing(
     product: Product, bearing: Bearing, left_out: Mapping[str, LeftOut]
 ) -> WrittenTask:
     upright = place_upright(product, bearing.up, (0.0, 0.0))
-    return WrittenTask({}, {}, {}, {}, left_out, (), upright, ProvedPieces({}, (), ()))
+    pieces = ProvedPieces({}, (), ())
+    return WrittenTask({}, {}, {}, {}, left_out, (), upright, pieces, bearing)
 
 
 def _find_loose_screws(
@@ -704,7 +788,15 @@ class _Writer:
         limits = {name: tuple(lines) for name, lines in self.limits.items()}
         files["product.yaml"] = _HEADER + _format_comments(self.left_out, limits) + text
         return WrittenTask(
-            document, files, self.names, limits, self.left_out, (), self.upright, proved
+            document,
+            files,
+            self.names,
+            limits,
+            self.left_out,
+            (),
+            self.upright,
+            proved,
+            self.bearing,
         )
 
     def _add_pieces(
