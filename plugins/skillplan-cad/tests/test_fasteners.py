@@ -155,6 +155,43 @@ def test_a_nut_in_the_air_holds_what_its_bolt_holds(tmp_path):
     assert by_part["bolt"].threaded_in == ("nut",)
 
 
+def bolted(pocket_mm):
+    """Return a cover bolted on a base whose nut is in a pocket of a width, or None for round."""
+    hole = rod(4.2, -30, 30)
+    pocket = rod(9, 16, 20) if pocket_mm is None else hexagon(pocket_mm, 16, 20)
+    return {
+        "base": cuboid(-30, -30, 0, 30, 30, 20) - pocket - hole,
+        "cover": cuboid(-30, -30, 20, 30, 30, 26) - rod(9, 19, 23) - hole,
+        "bolt M8x25": rod(4, 5, 26) + hexagon(13, 26, 31.5),
+        "nut M8": hexagon(13, 16, 22.5) - hole,
+    }
+
+
+@pytest.mark.parametrize(("pocket_mm", "is_held"), [(13.4, True), (None, False)])
+def test_a_nut_in_a_hexagonal_pocket_is_held_and_its_bolt_driven(tmp_path, pocket_mm, is_held):
+    fasteners = find(tmp_path / "stl", bolted(pocket_mm)).fasteners
+    assert {item.part: item.held for item in fasteners} == {"bolt M8x25": False, "nut M8": is_held}
+
+
+@pytest.mark.slow(reason="plans; that the nut is held is tested in every run")
+@pytest.mark.parametrize("pocket_mm", [13.4, None])
+def test_a_bolt_is_driven_into_a_nut_that_was_placed_in_its_pocket_before(tmp_path, pocket_mm):
+    """Without a pocket the bolt is put in alone, and the report says what its nut lacks."""
+    source, out = write(tmp_path / "stl", bolted(pocket_mm)), tmp_path / "out"
+    assert run(["import-cad", str(source), "--unit", "mm", "--out", str(out), "--no-cache"]) == 0
+    left_out = json.loads((out / "report.json").read_text())["left_out"]
+    task = str(out / "product.yaml")
+    result = tmp_path / "result"
+    assert run(["search-optimal", task, "--collision", "swept", "--out", str(result)]) == 0
+    plan = (result / "plan.csv").read_text()
+    if pocket_mm is None:
+        assert "no pocket keeps it from turning" in left_out["nut M8"]
+        assert "nut" not in plan
+    else:
+        assert left_out == {}
+        assert plan.index("place(nut_M8)") < plan.index("fasten(bolt_M8x25)")
+
+
 def test_options_overrule_what_was_recognised(capsys, tmp_path):
     source = write(tmp_path / "stl", screwed(name="knob"))
     command = ["import-cad", str(source), "--unit", "mm", "--no-cache"]

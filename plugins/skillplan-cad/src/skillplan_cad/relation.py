@@ -111,6 +111,7 @@ Reason = Literal[
     "floats",
     "from below",
     "closed in",
+    "turns",
     "follows",
     "too heavy",
     "no grasp",
@@ -183,6 +184,8 @@ class Fastener:
         Names of the parts its thread grips, which do not block it along its axis.
     by
         Features by which it was recognised, such as ``name``, ``head``, ``tapped hole``; not empty.
+    held
+        True if a pocket keeps it from turning: a hand places it, and a driver turns its mate.
     """
 
     part: str
@@ -194,6 +197,7 @@ class Fastener:
     joins: tuple[str, ...]
     threaded_in: tuple[str, ...]
     by: tuple[str, ...]
+    held: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,5 +341,5 @@ class Relation:
         return frozenset(
             fastener.part
             for fastener in self.fasteners
-            if fastener.kind in ("screw", "nut") and fastener.joins
+            if fastener.kind in ("screw", "nut") and fastener.joins and not fastener.held
         )

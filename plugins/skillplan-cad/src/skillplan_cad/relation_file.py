@@ -212,6 +212,7 @@ def _build_fastener_document(fastener: Fastener) -> dict[str, Any]:
         "joins": list(fastener.joins),
         "threaded_in": list(fastener.threaded_in),
         "by": list(fastener.by),
+        "held": fastener.held,
     }
 
 
@@ -226,6 +227,7 @@ def _parse_fastener(fields: Mapping[str, Any]) -> Fastener:
         joins=tuple(fields["joins"]),
         threaded_in=tuple(fields["threaded_in"]),
         by=tuple(fields["by"]),
+        held=fields.get("held", False),
     )
 
 

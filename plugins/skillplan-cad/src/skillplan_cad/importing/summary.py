@@ -33,6 +33,7 @@ WHY: Mapping[str, str] = {
     "tips": "would tip over",
     "floats": "touches no other part",
     "from below": "is driven from below",
+    "turns": "is tightened against nothing that holds",
     "follows": "needs a part that is left out",
     "too heavy": "too heavy for the arm",
     "no grasp": "no tool grasps it",

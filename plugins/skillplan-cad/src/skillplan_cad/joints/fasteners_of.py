@@ -6,7 +6,7 @@ a name, a cylinder in a hole is not sufficient: shafts, plugs and sleeves match 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from skillplan_cad.joints.turned_shape import (
     measure_holes_mm,
     trace_outside_mm,
 )
-from skillplan_cad.product import Part, Product, Vector
+from skillplan_cad.product import Part, Points, Product, Vector, make_solid
 from skillplan_cad.relation import Contact, Fastener, PartKind
 
 Floats = NDArray[np.float64]
@@ -45,6 +45,9 @@ _THIN_WASHER, _WIDEST_RING, _LONGEST_NUT = 1.0, 4.5, 8.0
 # Shortest pin, in diameters.
 _SHORTEST_PIN = 0.6
 _STATIONS = 24
+# Angles by which a fastener is turned in its pocket [rad]; smallest overlap that stops it, as a
+# share of its volume.
+_TURNED_RAD, _STOPS = (0.0, 0.26, 0.52), 0.005
 _FLAT = 0.999
 
 
@@ -146,6 +149,8 @@ def find_fasteners(
         fasteners[number] = _attach_nuts(fastener, fasteners)
     for number, fastener in fasteners.items():
         fasteners[number] = _attach_joined_parts(fastener, fasteners)
+    for number in search.find_held(fasteners):
+        fasteners[number] = replace(fasteners[number], held=True)
     notes = [
         f"{candidate.part.name} is named like a {candidate.named}, but {why}: it is taken as a part"
         for candidate in candidates
@@ -297,6 +302,54 @@ class _Search:
             threaded_in=own if kind == "nut" else (),
             by=by,
         )
+
+    def find_held(self, fasteners: Mapping[int, Fastener]) -> list[int]:
+        """Return the nuts, and screws with nuts, that a pocket or rib keeps from turning.
+
+        If both of a pair are kept, the screw is driven.
+        """
+        nuts = {mate for other in fasteners.values() if other.kind == "nut" for mate in other.joins}
+        held = [
+            number
+            for number, fastener in fasteners.items()
+            if (fastener.kind == "nut" or (fastener.kind == "screw" and fastener.part in nuts))
+            and self._is_kept_from_turning(number, fastener, fasteners)
+        ]
+        mates = {
+            mate
+            for number in held
+            if fasteners[number].kind == "nut"
+            for mate in fasteners[number].threaded_in
+        }
+        return [number for number in held if fasteners[number].part not in mates]
+
+    def _is_kept_from_turning(
+        self, number: int, fastener: Fastener, fasteners: Collection[int]
+    ) -> bool:
+        """Return whether a fastener, turned about its axis, enters a part that is no fastener."""
+        part, axis = self._product.parts[number], np.asarray(fastener.axis)
+        turned = [
+            make_solid(self._turn(part, axis, fastener.point_m, angle), part.triangles)
+            for angle in _TURNED_RAD
+        ]
+        reach_m = float(np.max(np.ptp(part.vertices_m, axis=0)))
+        others = set(self._list_near(number, part.vertices_m, 0.1 * reach_m)) - set(fasteners)
+        least_mm3 = _STOPS * float(turned[0].volume())
+        for other in others:
+            body = self._product.parts[other]
+            solid = make_solid(body.vertices_m, body.triangles)
+            shared = [float((solid ^ own).volume()) for own in turned]
+            if max(shared) - shared[0] > least_mm3:
+                return True
+        return False
+
+    def _turn(self, part: Part, axis: Floats, point_m: Vector, angle_rad: float) -> Points:
+        """Return the vertices of a part that is turned about a line (Rodrigues' formula)."""
+        apart = part.vertices_m - point_m
+        along = np.outer(apart @ axis, axis)
+        across = apart - along
+        turned = np.cos(angle_rad) * across + np.sin(angle_rad) * np.cross(axis, across)
+        return np.asarray(along + turned + point_m)
 
     def _recognise_ring(
         self, candidate: _Candidate, is_on_screw: bool

@@ -583,5 +583,9 @@ def add_groups(relation: Relation, plan: AssemblyPlan) -> Relation:
 
 def _tools(relation: Relation) -> Mapping[int, str]:
     """Return the tool of each screw and nut; all other parts are gripped."""
-    driven = {fastener.part for fastener in relation.fasteners if fastener.kind in ("screw", "nut")}
+    driven = {
+        fastener.part
+        for fastener in relation.fasteners
+        if fastener.kind in ("screw", "nut") and not fastener.held
+    }
     return {relation.index(name): DRIVER for name in driven}

@@ -126,7 +126,8 @@ def list_required(relation: Relation, name: str, up: Vector) -> tuple[str, ...]:
     fastener = relation.fastener(name)
     if fastener is None:
         return ()
-    held = [join for join in fastener.joins if join not in relation.driven]
+    nuts = {other.part for other in relation.fasteners if other.kind == "nut"}
+    held = [join for join in fastener.joins if join not in relation.driven | nuts]
     from_above = float(np.dot(fastener.axis, up)) > _ALONG
     return tuple(held) if held and fastener.kind == "screw" and from_above else fastener.joins
 
@@ -202,11 +203,32 @@ class _Standing:
     def _find_undriven(self) -> dict[str, LeftOut]:
         """Return the screws and nuts that are driven from below."""
         words = "is driven from below: the product has to be turned over, or held up by a fixture"
-        return {
-            name: LeftOut(name, "from below", words)
-            for name in sorted(self._driven, key=self._numbers.__getitem__)
-            if float(np.dot(self._get_axis(name), self._vector)) < -_SIDEWAYS
-        }
+        undriven = {}
+        for name in sorted(self._driven, key=self._numbers.__getitem__):
+            is_below = float(np.dot(self._get_axis(name), self._vector)) < -_SIDEWAYS
+            mate = self._find_driven_mate(name)
+            if mate is not None:
+                why = (
+                    f"is on {mate}, which is driven, and no pocket keeps it from turning: a nest "
+                    "or a second hand has to hold it"
+                )
+                undriven[name] = LeftOut(name, "from below" if is_below else "turns", why)
+            elif is_below:
+                undriven[name] = LeftOut(name, "from below", words)
+        return undriven
+
+    def _find_driven_mate(self, name: str) -> str | None:
+        """Return the driven one of a bolt and its nut if it is not this one.
+
+        One arm turns one of them: the bolt, unless it comes from below.
+        """
+        fastener = self._relation.fastener(name)
+        assert fastener is not None
+        least = -_SIDEWAYS if fastener.kind == "nut" else _SIDEWAYS
+        for mate in fastener.threaded_in:
+            if mate in self._driven and float(np.dot(self._get_axis(mate), self._vector)) > least:
+                return mate
+        return None
 
     def _get_axis(self, name: str) -> Vector:
         fastener = self._relation.fastener(name)
