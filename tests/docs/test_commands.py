@@ -25,6 +25,7 @@ INLINE = re.compile(r"`(skillplan [^`\n]+)`")
 # Pages whose commands take a minute or more.
 LONG_PAGES = {
     "docs/explanation/benchmarks.md",
+    "docs/explanation/reproduction.md",
     "docs/gallery.md",
     "docs/howto/learners.md",
     "docs/howto/output.md",
