@@ -297,7 +297,7 @@ def plan_product(
     path
         Source of the product; read again for the replay.
     watch
-        Reports progress, and says when to stop: parts that are not examined then are left out.
+        Progress reports, and requests to stop: parts that are not examined then are left out.
     """
     watch = watch or Watch()
     product, relation = findings.relieved, findings.relation

@@ -352,7 +352,7 @@ class Planner:
     effort
         Limit of the work of all path searches, as in `find_free_path`; a fifth of it for a part.
     watch
-        Reports progress, and says when to stop.
+        Progress reports, and requests to stop.
     """
 
     def __init__(

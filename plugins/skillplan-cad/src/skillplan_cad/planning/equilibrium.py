@@ -6,8 +6,6 @@ those of the surfaces that CAD states, not of their chords.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,38 +20,28 @@ _NEAR_M = 2e-4
 _ROUND = ("cylinder", "cone", "sphere", "torus")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Touching:
-    """Contact of a part with another.
-
-    Parameters
-    ----------
-    points_m, normals
-        Points, and unit vectors along which the other part pushes, shape (points, 3).
-    """
-
-    other: int
-    points_m: Array
-    normals: Array
-
-
 class Equilibrium:
     """Decides which parts stay on others that stand firm, for any set of those."""
 
     def __init__(self, product: Product, relation: Relation) -> None:
         self._parts = {relation.index(part.name): part for part in product}
-        self._touching: list[list[_Touching]] = [[] for _ in relation.parts]
+        self._relation = relation
+        self._contacts: list[Contact] = []
+        self._pushes: dict[int, tuple[Array, Array]] = {}
+        # For each part the parts that it touches, with the number of the contact and the sign of
+        # its normals.
+        self._touching: list[list[tuple[int, int, float]]] = [[] for _ in relation.parts]
         for contact in relation.contacts:
             first, second = (relation.index(name) for name in contact.parts)
             if contact.kind == "thread" or not {first, second} <= self._parts.keys():
                 continue
-            points, normals = _find_pushes(contact, self._parts[first], self._parts[second])
-            if len(points):
-                self._touching[first].append(_Touching(second, points, -normals))
-                self._touching[second].append(_Touching(first, points, normals))
+            if contact.points_m:
+                self._contacts.append(contact)
+                self._touching[first].append((second, len(self._contacts) - 1, -1.0))
+                self._touching[second].append((first, len(self._contacts) - 1, 1.0))
         self._known: dict[tuple[int, int, Vector, bool], bool] = {}
         self._touched = [
-            encode_set([touching.other for touching in touchings]) for touchings in self._touching
+            encode_set([other for other, _, _ in touching]) for touching in self._touching
         ]
 
     def stays(self, part: int, others: int, up: Vector, foot_m: Array | None = None) -> bool:
@@ -74,14 +62,28 @@ class Equilibrium:
     def list_bearers(self, part: int, others: int, up: Vector) -> list[int]:
         """Return the others that push a part upwards."""
         return [
-            touching.other
-            for touching in self._touching[part]
-            if others >> touching.other & 1 and (touching.normals @ np.asarray(up) > BEARS).any()
+            other
+            for other, _, normals in self._list_pushes(part, others)
+            if (normals @ np.asarray(up) > BEARS).any()
         ]
 
+    def _list_pushes(self, part: int, others: int) -> list[tuple[int, Array, Array]]:
+        """Return the others that touch a part, with the points and the directions of the pushes."""
+        pushes = []
+        for other, number, sign in self._touching[part]:
+            if others >> other & 1:
+                if number not in self._pushes:
+                    contact = self._contacts[number]
+                    first, second = (self._relation.index(name) for name in contact.parts)
+                    pair = self._parts[first], self._parts[second]
+                    self._pushes[number] = _find_pushes(contact, *pair)
+                points, normals = self._pushes[number]
+                pushes.append((other, points, sign * normals))
+        return pushes
+
     def _has_forces(self, part: int, others: int, up: Array, foot_m: Array | None) -> bool:
-        points = [t.points_m for t in self._touching[part] if others >> t.other & 1]
-        normals = [t.normals for t in self._touching[part] if others >> t.other & 1]
+        pushes = self._list_pushes(part, others)
+        points, normals = [places for _, places, _ in pushes], [pushed for _, _, pushed in pushes]
         if foot_m is not None and len(foot_m):
             upwards = np.tile(up, (len(foot_m), 1))
             chosen = select_spread(foot_m, upwards)
@@ -147,6 +149,10 @@ class _Surface:
         )
         lengths = np.linalg.norm(normals, axis=1)
         self._normals = normals / np.maximum(lengths, 1e-30)[:, None]
+        sides = np.roll(self._corners, -1, axis=1) - self._corners
+        inwards = np.cross(self._normals[:, None], sides)
+        lengths = np.linalg.norm(inwards, axis=2)
+        self._inwards = inwards / np.maximum(lengths, 1e-30)[..., None]
         face_of = np.full(len(part.triangles), -1)
         for number, face in enumerate(part.faces):
             face_of[face.triangles] = number
@@ -157,7 +163,7 @@ class _Surface:
         offsets = point - self._corners[:, 0]
         heights = np.einsum("ij,ij->i", offsets, self._normals)
         near = np.flatnonzero(np.abs(heights) < _NEAR_M)
-        inside = [number for number in near.tolist() if self._is_beside(number, point)]
+        inside = near[self._mask_over(near, point)].tolist()
         if not inside:
             return None
         alike = (self._normals[inside] @ listed.T).max(axis=1) if len(listed) else np.ones(1)
@@ -166,18 +172,11 @@ class _Surface:
         face = self._faces[self._face_of[best]] if self._face_of[best] >= 0 else None
         return self._find_normal(best, point, face), face
 
-    def _is_beside(self, number: int, point: Array) -> bool:
-        """Return whether a point lies over a triangle, or within the tolerance of it."""
-        corners, normal = self._corners[number], self._normals[number]
-        for k in range(3):
-            side = corners[(k + 1) % 3] - corners[k]
-            length = float(np.linalg.norm(side))
-            if (
-                length > 0
-                and float(np.cross(side / length, point - corners[k]) @ normal) < -_NEAR_M
-            ):
-                return False
-        return True
+    def _mask_over(self, numbers: NDArray[np.int64], point: Array) -> NDArray[np.bool_]:
+        """Return a mask of the triangles that a point lies over, or within the tolerance of."""
+        corners, inwards = self._corners[numbers], self._inwards[numbers]
+        distances = np.einsum("ijk,ijk->ij", point - corners, inwards)
+        return np.asarray((distances >= -_NEAR_M).all(axis=1))
 
     def _find_normal(self, number: int, point: Array, face: Face | None) -> Array:
         normal = self._normals[number]

@@ -92,7 +92,7 @@ def replay(
     tolerance_m
         Allowed thickness of overlaps, in addition to the chords of round faces [m].
     watch
-        Reports progress, and says when to stop.
+        Progress reports, and requests to stop.
     """
     watch = watch or Watch()
     solids = {part.name: _build_solid(part) for part in product}

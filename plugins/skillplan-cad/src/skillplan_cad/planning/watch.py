@@ -10,7 +10,7 @@ _SLOW_S = 2.0
 
 
 class Watch:
-    """Reports the progress of a stage, and says when to stop.
+    """Progress reports of a stage, and requests to stop it.
 
     Parameters
     ----------
