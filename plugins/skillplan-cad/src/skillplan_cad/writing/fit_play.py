@@ -33,6 +33,8 @@ _TO_MM = 1e3
 _BELOW_MM = 0.3
 # Largest cosine between a side's normal and the move; smaller overlaps are rounding [mm3].
 _SIDEWAYS, _LEAST_MM3 = 0.1, 1e-3
+# Smallest downward component of an underside's normal.
+_STEEP = 0.5
 # Share by which a side shrinks towards its middle.
 _INWARD = 0.02
 # Largest share of a piece that a chamfer takes.
@@ -224,7 +226,9 @@ class _Hull:
             offsets = np.einsum("ij,ij->i", corners[:, 0], normals)
             facets: dict[tuple[float, ...], list[int]] = {}
             for number in np.flatnonzero(lengths > 1e-9).tolist():
-                if abs(float(normals[number] @ along)) < _SIDEWAYS:
+                # Undersides bear the part, also on a move over its support.
+                is_underside = float(normals[number, 2]) < -_STEEP
+                if abs(float(normals[number] @ along)) < _SIDEWAYS and not is_underside:
                     rounded = np.round([*normals[number], offsets[number]], 3) + 0.0
                     facets.setdefault(tuple(rounded.tolist()), []).append(number)
             self._facets = []

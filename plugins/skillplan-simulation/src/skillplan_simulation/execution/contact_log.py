@@ -149,7 +149,7 @@ class ContactLog:
             self.resistance_n.append(self._measure_guiding_n(guiding))
 
     def _measure_guiding_n(self, guiding: set[str]) -> float:
-        """Return the force of some bodies on the guided part, as a wrist's sensor feels it [N]."""
+        """Return the net force of some bodies on the guided part, as at the wrist [N]."""
         assert self.guides is not None
         force_n = np.zeros(3)
         for point in self._last_points:
