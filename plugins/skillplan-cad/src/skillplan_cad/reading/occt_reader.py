@@ -5,6 +5,7 @@ Runs in a process of its own, because OCCT may crash, hang or take much memory.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +33,7 @@ from OCP.GeomAbs import GeomAbs_SurfaceType
 from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.IMeshTools import IMeshTools_Parameters
-from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideClosed
+from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideAngle, ShapeUpgrade_ShapeDivideClosed
 from OCP.Standard import Standard_Failure
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPConstruct import STEPConstruct_ExternRefs
@@ -76,6 +77,8 @@ MOST_BYTES = 128 * 1024 * 1024
 MOST_PATH = 10_000
 # Number of points along an edge at which gaps are measured; largest number of such edges.
 _ALONG, _MOST_EDGES = 9, 600
+# Relative error of the integral of a volume.
+_INTEGRAL_ERROR = 1e-3
 _NAME = TDataStd_Name.GetID_s()
 _EDGE, _FACE, _SHELL, _SOLID = (
     TopAbs_ShapeEnum.TopAbs_EDGE,
@@ -399,9 +402,13 @@ def _build_solid(name: str, solid: Any, chord_mm: float) -> Mended:
             break
     whole = closed and sum(1 for _ in _explore(used, _SHELL)) == 1
     mended = mend(best, chord_mm * _MM, is_merged=True, is_one_shell=whole)
-    if words and failed:
+    if words:
         faces = "a face that was" if failed == 1 else f"{failed} faces that were"
-        note = f"{name}: {faces} not meshed as drawn, but from {words}"
+        cause = f"{faces} not meshed as drawn, but" if failed else "its mesh is open as drawn, and"
+        off = _compare_volume(mended, solid) if words == _BY_ANGLE else 0.0
+        about = f"; its volume is {abs(off):.2g} % {'more' if off > 0 else 'less'} than drawn"
+        note = f"{name}: {cause} {'' if failed else 'meshed '}from {words}"
+        note += about if off else ""
         mended = replace(mended, notes=(note, *mended.notes))
     # Integrals over NURBS are less exact than those over the surfaces as drawn.
     return _measure(mended, used if words == _SEWN else solid, drawn, chord_mm)
@@ -571,6 +578,25 @@ def _convert(solid: Any, _: float) -> Any:
     return BRepBuilderAPI_NurbsConvert(solid, True).Shape()
 
 
+def _divide_by_angle(solid: Any, _: float) -> Any:
+    divider = ShapeUpgrade_ShapeDivideAngle(math.pi / 2)
+    divider.Init(solid)
+    divider.Perform()
+    return divider.Result()
+
+
+def _compare_volume(mended: Mended, solid: Any) -> float:
+    """Return the excess of a closed mesh over the volume of its solid as drawn [%]."""
+    if mended.open_edges:
+        return 0.0
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, properties, _INTEGRAL_ERROR)
+    drawn_m3 = properties.Mass() * _MM**3
+    part = mended.part
+    meshed_m3 = float(compute_volumes_m3(part.vertices_m, part.triangles).sum())
+    return 100 * (meshed_m3 / drawn_m3 - 1) if drawn_m3 > 0 else 0.0
+
+
 def _sew_solid(solid: Any, chord_mm: float) -> Any:
     """Return a solid whose faces are sewn anew; None if they do not close."""
     for tolerance_mm in (*_SEWING_MM, chord_mm):
@@ -581,11 +607,12 @@ def _sew_solid(solid: Any, chord_mm: float) -> Any:
     return None
 
 
-_SEWN = "sewn faces"
+_SEWN, _BY_ANGLE = "sewn faces", "faces divided by 90 degrees"
 _REMEDIES = (
     ("divided faces", _divide),
     ("faces converted to NURBS", _convert),
     (_SEWN, _sew_solid),
+    (_BY_ANGLE, _divide_by_angle),
 )
 
 
