@@ -518,7 +518,7 @@ def _parse_3mf(content: bytes) -> list[MeshObject]:
             for resources in _iterate_children(model, "resources")
             for item in _iterate_children(resources, "object")
         }
-        found: list[MeshObject] = []
+        meshes: list[MeshObject] = []
         todo: list[tuple[tuple[str, str], tuple[str, ...], Floats]] = [
             (_find_3mf_key(item, root), (), _read_transform(item))
             for build in _iterate_children(models[root], "build")
@@ -537,7 +537,7 @@ def _parse_3mf(content: bytes) -> list[MeshObject]:
                 corners = (own @ pose[:3] + pose[3]) * unit_m
                 mirrored = np.linalg.det(pose[:3]) < 0
                 faces = triangles[:, ::-1] if mirrored else triangles
-                found.append(MeshObject(name, path, corners, faces))
+                meshes.append(MeshObject(name, path, corners, faces))
             below = (*path, name)
             for components in _iterate_children(item, "components"):
                 for component in _iterate_children(components, "component"):
@@ -546,7 +546,7 @@ def _parse_3mf(content: bytes) -> list[MeshObject]:
                     todo.append((_find_3mf_key(component, key[0]), below, joined))
     except (KeyError, ValueError, StopIteration, zipfile.BadZipFile, XmlError, OSError):
         raise MeshFileError("It cannot be read as 3MF; save it again.") from None
-    return found
+    return meshes
 
 
 def _read_models(archive: zipfile.ZipFile) -> dict[str, Element]:

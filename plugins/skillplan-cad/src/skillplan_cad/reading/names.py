@@ -1,4 +1,4 @@
-"""Names of parts: encodings, control characters, names that say nothing, common beginnings."""
+"""Names of parts: encodings, control characters, names without meaning, common beginnings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LABEL = re.compile(
     r"(NAUO|nauo)?\d*|=>\[[\d:]*\]|NEXT_ASSEMBLY_USAGE_OCCURRENCE\d*|.{0,5}:V|\*[A-Z]{1,5}\d+",
     re.DOTALL,
 )
-# Names of any part, which say nothing about this one, with the numbers that CAD adds.
+# Names that any part could have, with the numbers that CAD adds.
 _GENERIC = re.compile(
     r"((manifold[ _]*)?solid([ _]*(body|brep))?|bod(y|ies)|compound|shell|brep|parts?|component|"
     r"document|shape|object|mesh|unnamed|untitled|default|(volumen|fest)?körper|bauteil|teil|"

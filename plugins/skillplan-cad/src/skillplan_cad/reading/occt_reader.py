@@ -257,7 +257,7 @@ class _Tree:
             components = TDF_LabelSequence()
             XCAFDoc_ShapeTool.GetComponents_s(design, components, False)
             children = [components.Value(number) for number in range(1, components.Length() + 1)]
-            # A lone child with a name that says nothing takes that of its assembly.
+            # A lone child with a generic name takes that of its assembly.
             if len(children) == 1 and path and _is_generic(children[0]):
                 todo.append((children[0], name, path, pose @ _read_pose(children[0]), length))
                 continue
