@@ -1,4 +1,4 @@
-"""Write the STEP files of ``tests/fixtures`` and beside each what is true of it.
+"""Write the STEP files of ``tests/fixtures``, beside each what is true of it, and an example.
 
 Run it in an environment of its own, as what it needs is no dependency of the project:
 
@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 
 from check_truth import differences
+from clamp import clamp
 from fastened import fastened
 from OCP.BRep import BRep_Builder
 from OCP.TopAbs import TopAbs_FACE
@@ -26,6 +27,7 @@ from products import PRODUCTS
 from solids import Product, box, write_step
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
+EXAMPLES = Path(__file__).parents[4] / "examples"
 ZIPPED_FROM_BYTES = 60_000
 
 
@@ -40,9 +42,9 @@ def open_shell():
     return Product("open_mesh").add("plate", box(0, 0, 0, 20, 20, 5)).add("tray", shell)
 
 
-def write(product, name, unit="MM"):
+def write(product, name, unit="MM", folder=FIXTURES):
     """Write one file, zipped where it is large."""
-    path = FIXTURES / f"{name}.step"
+    path = folder / f"{name}.step"
     write_step(product, path, unit)
     if path.stat().st_size > ZIPPED_FROM_BYTES:
         zipped = path.with_suffix(".step.gz")
@@ -68,6 +70,7 @@ def main():
     write(PRODUCTS["bracket"]()[0], "inch", "INCH")
     write(open_shell(), "open_mesh")
     write_with_truth("fastened", *fastened())
+    write(clamp(), "clamp", folder=EXAMPLES)
 
 
 if __name__ == "__main__":

@@ -214,7 +214,8 @@ def shorten_list(messages: Sequence[str], key: str) -> list[str]:
     more = len(messages) - _SHOWN
     if more <= 0:
         return list(messages)
-    return [*messages[:_SHOWN], f"{more} more of this kind are in report.json under {key}."]
+    are = "is" if more == 1 else "are"
+    return [*messages[:_SHOWN], f"{more} more of this kind {are} in report.json under {key}."]
 
 
 def list_warnings(findings: Findings, gaps: Sequence[Gap]) -> list[str]:
