@@ -10,7 +10,7 @@ from skillplan.task.pose import Point as Point3
 from skillplan.task.scene import Body
 from skillplan.task.shape import Mesh
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
-from skillplan_cad.product import Part, Product
+from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.writing.upright import Upright, place_upright
 
 AddedBody = tuple[Body, Pose, Point3]
@@ -22,9 +22,15 @@ Draw = Callable[
 """Returns files with pictures of a product, from its report, its relation and its bodies."""
 
 
-def place_bodies(product: Product, plan: AssemblyPlan) -> list[AddedBody]:
-    """Return the parts in order of the plan; stuck parts are one body with the base."""
-    upright = place_upright(product, plan.up, (0.0, 0.0))
+def place_bodies(product: Product, plan: AssemblyPlan, up: Vector) -> list[AddedBody]:
+    """Return the parts in order of the plan; stuck parts are one body with the base.
+
+    Parameters
+    ----------
+    up
+        Vector that points up, in the product's frame.
+    """
+    upright = place_upright(product, up, (0.0, 0.0))
     stuck = [entry.part for entry in plan.stuck if entry.part != plan.base]
     # With unbroken spaces, since pictures cut names at spaces.
     about = f" with {len(stuck)} stuck part{'s' if stuck[1:] else ''}".replace(" ", "\u00a0")

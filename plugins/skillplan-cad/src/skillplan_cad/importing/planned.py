@@ -355,7 +355,7 @@ def plan_product(
         files,
         tuple(lines),
         tuple(warnings),
-        tuple(place_bodies(product, plan)),
+        tuple(place_bodies(product, plan, bearing.up)),
     )
 
 

@@ -317,12 +317,6 @@ class AssemblyPlan:
         """True if all parts are assembled."""
         return not self.stuck
 
-    @property
-    def up(self) -> Vector:
-        """Vector that points up in most steps, in the product's frame."""
-        ups = [step.up for step in self.steps]
-        return max(dict.fromkeys(ups), key=ups.count, default=(0.0, 0.0, 1.0))
-
 
 @dataclass
 class _Work:
