@@ -41,10 +41,10 @@ def _describe(body: Body, grasp: Grasp, tool: Tool | None, hand: Hand) -> str | 
         areas_m2 = _measure_jaw_contact(shapes, grasp, hand)
         if min(areas_m2) >= _LEAST_M2:
             return None
-        one, other = (f"{area_m2 * 1e6:.1f}" for area_m2 in areas_m2)
+        first, second = (f"{area_m2 * 1e6:.1f}" for area_m2 in areas_m2)
         return (
-            f"the jaws close on air: they meet {one} and {other} mm2 of {body.name}, where 1 mm2 "
-            "is the least; give it another grasp"
+            f"the jaws close on air: they meet {first} and {second} mm2 of {body.name}, where "
+            "1 mm2 is the least; give it another grasp"
         )
     if tool is None or tool.kind is not ToolKind.SUCTION or tool.envelope is not None:
         # The task does not describe the cup.

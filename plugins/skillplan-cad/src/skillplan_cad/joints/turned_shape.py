@@ -204,8 +204,8 @@ def _find_inertia_axis(part: Part, moments: Floats) -> tuple[Floats, Floats] | N
     values, vectors = np.linalg.eigh(moments)
     if values[0] <= 0 or values[2] < (1 + _DISTINCT) * values[0]:
         return None
-    least, middle, most = values
-    axis = vectors[:, 2] if least / middle >= middle / most else vectors[:, 0]
+    smallest, middle, largest = values
+    axis = vectors[:, 2] if smallest / middle >= middle / largest else vectors[:, 0]
     axis = np.where(np.abs(axis) < 1e-4, 0.0, axis)
     axis = axis * np.sign(axis[int(np.argmax(np.abs(axis)))])
     return axis / np.linalg.norm(axis), np.asarray(part.centre_m)

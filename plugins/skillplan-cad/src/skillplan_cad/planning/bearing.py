@@ -224,9 +224,9 @@ class _Standing:
         """
         fastener = self._relation.fastener(name)
         assert fastener is not None
-        least = -_SIDEWAYS if fastener.kind == "nut" else _SIDEWAYS
+        level = -_SIDEWAYS if fastener.kind == "nut" else _SIDEWAYS
         for mate in fastener.threaded_in:
-            if mate in self._driven and float(np.dot(self._get_axis(mate), self._vector)) > least:
+            if mate in self._driven and float(np.dot(self._get_axis(mate), self._vector)) > level:
                 return mate
         return None
 

@@ -99,7 +99,7 @@ def read_in_process(
             return prepare(content)(None)
         worker = executor.start(prepare, pack_content(content, _WHAT), _WHAT)
         worker.take(None)
-        begun = since = time.monotonic()
+        began = since = time.monotonic()
         while True:
             if executor.first_ready([worker]):
                 answer = worker.answer()
@@ -113,8 +113,8 @@ def read_in_process(
                     text = str(answer.content)
             now = time.monotonic()
             if report is not None:
-                report(f"{text}, {now - begun:.0f} s")
-            if now - begun > limits.seconds:
+                report(f"{text}, {now - began:.0f} s")
+            if now - began > limits.seconds:
                 # Only a shape that took most of the time is to blame.
                 slow = shape if now - since > limits.seconds / 2 else None
                 raise ReadingStopped(

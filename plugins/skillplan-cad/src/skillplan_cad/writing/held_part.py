@@ -115,8 +115,8 @@ def describe_too_heavy(mass_kg: float, robot: str) -> str | None:
     words = f"weighs {mass_kg:.3g} kg, and {robot} carries {compute_payload_kg(robot):.3g} kg"
     if not able:
         return f"{words} with its hand; no arm of the catalogue carries it"
-    least = min(able, key=lambda name: (compute_payload_kg(name), name))
-    return f"{words} with its hand; --robot {least} carries {compute_payload_kg(least):.3g} kg"
+    weakest = min(able, key=lambda name: (compute_payload_kg(name), name))
+    return f"{words} with its hand; --robot {weakest} carries {compute_payload_kg(weakest):.3g} kg"
 
 
 class PartHolds:
