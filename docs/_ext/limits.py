@@ -76,11 +76,13 @@ ROWS: list[tuple[str, str, list[str]]] = [
     ),
     (
         "trajectory (DXF, CSV, G-code)",
-        "{bytes}, {} m, {} control points of a spline",
+        "{bytes}, {} m, {} control points of a spline, {} lines of a program, {} calls deep",
         [
             "skillplan_swarmitfix.trajectory.files:MAX_BYTES",
             "skillplan_swarmitfix.trajectory.units:_MOST_EXTENT_M",
             "skillplan_swarmitfix.trajectory.dxf_entities:_MOST_CONTROL_POINTS",
+            "skillplan_swarmitfix.trajectory.program_lines:MOST_LINES",
+            "skillplan_swarmitfix.trajectory.program_lines:MOST_NESTED",
         ],
     ),
     (
@@ -100,6 +102,11 @@ ROWS: list[tuple[str, str, list[str]]] = [
         ["files.json_file:_MOST_BYTES", "files.json_file:MAX_DEPTH"],
     ),
     ("document that `report` is given", "{bytes}", ["cli.report_inputs:_MOST_BYTES"]),
+    (
+        "`product.yaml` that `explain` is given",
+        "{bytes}",
+        ["records.stored.product_relation:_MOST_BYTES"],
+    ),
     (
         "visual mesh of a link, in a report",
         "{bytes}",
