@@ -24,11 +24,13 @@ from skillplan_cad.writing.upright import Upright
 PLAY_M = 1e-4
 """Smallest clearance that back ends play with, on each side [m]."""
 
-CHAMFER_M = 3e-4
-"""Chamfer of the edges that lead into a fit [m]; a fit has less clearance."""
+CHAMFER_M = 5e-4
+"""Chamfer of the edges that lead into a fit [m]."""
 
 Floats = NDArray[np.float64]
 _TO_MM = 1e3
+# Clearance below which parts are a fit [m].
+_REACH_M = 3e-4
 # Depth below a side up to which an overlap of meshes is seen [mm].
 _BELOW_MM = 0.3
 # Largest cosine between a side's normal and the move; smaller overlaps are rounding [mm3].
@@ -162,11 +164,11 @@ class FitPlay:
     def _find_near(
         self, part: Part, low: Floats, high: Floats, along: Floats, bottom: Floats
     ) -> Iterator[str]:
-        """Yield the parts before a part whose boxes it passes within a chamfer's width."""
+        """Yield the parts before a part whose boxes it passes within the clearance of a fit."""
         sideways = np.abs(along) < 1 - 1e-6
         for name in self._before.get(part.name, ()):
             box = np.array(self._solid(name).bounding_box()).reshape(2, 3) - bottom * _TO_MM
-            room = CHAMFER_M * _TO_MM
+            room = _REACH_M * _TO_MM
             apart = (box[0] > high + room) | (low > box[1] + room)
             if not (apart & sideways).any() and not self._solid(name).is_empty():
                 yield name
@@ -184,8 +186,8 @@ class _Hull:
         self._facets: list[tuple[Floats, float, Points]] | None = None
 
     def face(self, other: manifold3d.Manifold, along: Floats) -> list[float]:
-        """Note the sides that pass another part within a chamfer's width; return the gaps."""
-        room, box = CHAMFER_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
+        """Note the sides that pass another part within the clearance of a fit; return the gaps."""
+        room, box = _REACH_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
         # The way back, as far as it passes the other part.
         ahead = float((self._points @ along).max())
         corners = np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
