@@ -208,6 +208,13 @@ def test_jaws_close_on_opposite_faces_of_the_mesh(solid, width_m, at_m):
         assert entry["at_m"][0] == pytest.approx(at_m, abs=1e-5)
 
 
+def test_jaws_hold_a_ring_from_outside():
+    """A washer of 1 mm, with a hole in the middle of which nothing is between the jaws."""
+    washer = finder_of(rod(0, 0, 0, 6, 1) - rod(0, 0, -1, 3, 3))
+    grasps = washer.find_jaw_grasps(HAND, [DOWN], 0.0)
+    assert max(grasp.entry["width_m"] for grasp in grasps) == pytest.approx(0.012, abs=1e-4)
+
+
 def test_a_plate_that_is_wider_than_jaws_open_is_held_by_no_jaws():
     assert finder_of(box(0, 0, 0, 100, 90, 12)).find_jaw_grasps(HAND, [DOWN], 0.0) == []
 

@@ -27,16 +27,19 @@ _GRAVITY_M_PER_S2, _FRICTION = 9.81, 0.6
 _NEAR_M = 1.5e-4
 # Clearance of open jaws on either side of a part, and of a jaw from other material [m].
 _OPEN_M, _CLEAR_M = 4e-3, 5e-4
-# Play between jaws and part at the widest opening, and clearance of fingertips below a part [m].
-_PLAY_M, _ABOVE_M = 4e-3, 1e-3
+# Play between jaws and part at the widest opening; and clearance of fingertips above the bottom of
+# a part [m], the latter at most a share of its height.
+_PLAY_M, _ABOVE_M, _ABOVE_SHARE = 4e-3, 1e-3, 0.25
 # Pitch of rays: finest, and most of them along a side of the part.
 _FINEST_M, _MOST_RAYS = 5e-4, 72
 # Depths of the fingertips below the highest point between the jaws [m].
 _DEPTHS_M = (0.002, 0.003, 0.005, 0.008, 0.012, 0.018, 0.026, 0.036)
+# Number of walls along a ray between which jaws may close.
+_MOST_SPANS = 4
 # Number of positions of the hand across the closing direction.
 _COLUMNS = 13
 # Least area of each jaw on the part [m2], and share of a hand's friction that may be used.
-_LEAST_M2, _LOAD_SHARE = 2e-6, 0.5
+_LEAST_M2, _LOAD_SHARE = 1e-6, 0.5
 # Height of a hand's axis above the table at which a hand from the side clears it [m].
 _SIDE_MARGIN_M = 4e-3
 _DEPTH_CLASSES_M = (0.005, 0.0125)
@@ -188,6 +191,7 @@ class GraspFinder:
         field = _Field.trace(self._mesh, self._local, approach, closing)
         centre = field.frame @ self._centre_m
         from_top = approach[2] < -0.5
+        lowest_m = min(_ABOVE_M, _ABOVE_SHARE * float(np.ptp(self._local[:, 2])))
         for column in field.list_columns(float(centre[0])):
             for tip in field.list_tips(column):
                 for patch in field.find_patches(column, tip, hand):
@@ -196,7 +200,7 @@ class GraspFinder:
                         across = float(centre[0])
                     point = across * field.frame[0] + tip * field.frame[1]
                     point = point + patch.middle_m * closing
-                    if from_top and point[2] < _ABOVE_M:
+                    if from_top and point[2] < lowest_m:
                         continue
                     if not from_top and point[2] < hand.half_width_m + _SIDE_MARGIN_M:
                         continue
@@ -318,7 +322,7 @@ class _Field:
         top = self.out_m[rows[-1]] + self.cell_m[1] / 2
         bottom = self.out_m[rows[0]] - self.cell_m[1] / 2
         thick = top - bottom
-        depths = {depth for depth in _DEPTHS_M if depth < thick} | {thick / 2}
+        depths = {depth for depth in _DEPTHS_M if depth < thick} | {thick / 2, 0.7 * thick}
         return [float(top - depth) for depth in sorted(depths)]
 
     def find_patches(self, column: int, tip: float, hand: Hand) -> Iterator[_Patch]:
@@ -329,20 +333,20 @@ class _Field:
         if not rows.any():
             return
         begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
-        seen: set[int] = set()
         inner = np.flatnonzero(rows)
-        for span in range(self.begins.shape[2]):
-            row = inner[0] if len(inner) == 1 else inner[min(1, len(inner) - 1)]
-            begin, end = self.begins[column, row, span], self.ends[column, row, span]
-            if not (np.isfinite(begin) and np.isfinite(end)):
-                continue
-            key = round((begin + end) * 5e3)
-            if key in seen:
-                continue
-            seen.add(key)
-            patch = self._close(column, tip, hand, begins, ends, (begin + end) / 2, rows, columns)
-            if patch is not None:
-                yield patch
+        row = inner[min(1, len(inner) - 1)]
+        own = [
+            (float(begin), float(end))
+            for begin, end in zip(self.begins[column, row], self.ends[column, row], strict=True)
+            if np.isfinite(begin) and np.isfinite(end)
+        ][:_MOST_SPANS]
+        for first, (begin, _) in enumerate(own):
+            # Jaws may close on one wall, or on several from outside, as on a ring.
+            for _, end in own[first:]:
+                between = (begin, end)
+                patch = self._close(column, tip, hand, begins, ends, between, rows, columns)
+                if patch is not None:
+                    yield patch
 
     def _close(
         self,
@@ -351,12 +355,13 @@ class _Field:
         hand: Hand,
         begins: Floats,
         ends: Floats,
-        middle: float,
+        between: tuple[float, float],
         rows: NDArray[np.bool_],
         columns: NDArray[np.bool_],
     ) -> _Patch | None:
-        """Return the patch of jaws that close about a point of the material, or None."""
-        around = (begins <= middle) & (ends >= middle)
+        """Return the patch of jaws that close about a stretch of material, or None."""
+        inwards = min(_CLEAR_M, (between[1] - between[0]) / 4)
+        around = (begins <= between[1] - inwards) & (ends >= between[0] + inwards)
         if not around.any():
             return None
         left = float(begins[around].min())
