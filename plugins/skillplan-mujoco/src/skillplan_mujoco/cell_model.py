@@ -215,6 +215,8 @@ _TABLE_HALF_M = (1.5, 1.5, 0.05)
 _FRICTION_RATIO, _SOLVER_STEPS = 20.0, 100
 # Number of bonds in addition to one per body.
 _MORE_BONDS = 8
+# Memory of a model: parts of hundreds of pieces have thousands of contacts. Only used pages count.
+_MEMORY_BYTES = 512 * 2**20
 
 
 def build_cell_spec(
@@ -232,6 +234,7 @@ def build_cell_spec(
         Friction coefficient of bodies and table [-].
     """
     spec = mujoco.MjSpec()
+    spec.memory = _MEMORY_BYTES
     option = spec.option
     option.timestep = 1.0 / STEPS_PER_S
     option.gravity = (0.0, 0.0, -GRAVITY_M_PER_S2)
