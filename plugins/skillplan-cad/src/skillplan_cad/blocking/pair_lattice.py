@@ -305,9 +305,14 @@ def find_first_contact(
         ray, distance = int(best[0]), float(gaps[best])
         height = float(entries[ray, best[1]])
     else:
-        # They overlap on every ray.
-        ray, distance = 0, 0.0
-        height = float(np.nanmin(np.where(np.isfinite(entries[0]), entries[0], np.nan)))
+        # They overlap on every ray; at the rim of open surfaces a ray may miss one of them.
+        for heights in (entries, exits):
+            crossed = np.flatnonzero(np.isfinite(heights).any(axis=1))
+            if len(crossed):
+                break
+        ray, distance = int(crossed[0]) if len(crossed) else 0, 0.0
+        met = heights[ray][np.isfinite(heights[ray])]
+        height = float(met.min()) if len(met) else 0.0
     place = points[ray] @ frame[:2] + height * frame[2]
     return distance, place, place - distance * frame[2]
 
