@@ -344,7 +344,7 @@ class PartConfig(Shaped):
         None,
         exclude_if=is_absent,
         description="parts that it goes in beside, by name; swept and engines then use its pieces "
-        "even if its meshes are convex, and state the play that they assume",
+        "even if its meshes are convex, and state the play that they assume; left out: none",
     )
     durations_s: PartDurations | None = Field(
         None,

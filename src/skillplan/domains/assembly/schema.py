@@ -12,6 +12,7 @@ from skillplan.domains.assembly.schema_types import (
     DurationsConfig,
     Height,
     Planar,
+    is_absent,
     is_empty,
 )
 from skillplan.domains.domain import Name, Strict
@@ -177,6 +178,7 @@ class AssemblyConfig(Strict):
     )
     product_parts: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
         None,
+        exclude_if=is_absent,
         description="number of parts of the whole product, of which this task may put together "
         "some; left out: not stated",
     )
