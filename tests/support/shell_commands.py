@@ -25,9 +25,9 @@ OTHER_PROGRAMS = {
 ONLY_PARSED = {
     r"--executor ray": "needs a Ray cluster; tests/cli/test_cli_executor.py has an executor",
     r"--install-completion": "writes to the files of the user's shell",
-    r"import-cad product\.step": "a file of the user; the tutorial imports an example",
+    r"import-cad product\.(step|3mf)": "a file of the user; the tutorial imports an example",
     r"import-cad meshes/": "files of the user; the tutorial imports an example",
-    r"product/product\.yaml": "a task from a file of the user; the tutorial has an example",
+    r"product/(product\.yaml|relation\.json)": "made of a file of the user; the tutorial does it",
     r"solver greedy": "the plugin that the reader has copied",
 }
 

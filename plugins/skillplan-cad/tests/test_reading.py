@@ -79,7 +79,7 @@ class TestStep:
 
     @pytest.mark.slow(reason="reads two files; file names of meshes in every run")
     @pytest.mark.parametrize(
-        ("name", "encoding"), [("零件2", "gbk"), ("Träger", "cp1252"), ("ボルト", "cp932")]
+        ("name", "encoding"), [("法兰2", "gbk"), ("Träger", "cp1252"), ("ボルト", "cp932")]
     )
     def test_names_in_the_code_page_of_a_machine_are_read(self, tmp_path, name, encoding):
         path = tmp_path / "threads.step"

@@ -151,7 +151,7 @@ def nested():
     return product, {
         "parts": 7,
         "identical": [[item[k], two[k]] for k in ("block", "cap", "pin")],
-        "fasteners": {},
+        "fasteners": {c["pin"]: {"kind": "pin", "axis": [0, 0, 1]} for c in (item, two)},
         "blocked": {
             "+x": along_x,
             "+y": {
