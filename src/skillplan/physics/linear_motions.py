@@ -447,7 +447,13 @@ def list_handled(skill: Skill) -> Iterator[Visit]:
 _BIT_DIAMETER_M: Final = 0.005
 _BIT_LENGTH_M: Final = 0.040
 _PAD_HEIGHT_M: Final = 0.006
-_SHANK_DIAMETER_M: Final = 0.036
+SHANK_DIAMETER_M: Final = 0.036
+"""Diameter of the shank above a bit or pad [m]."""
+
+
+def find_cup_height_m(diameter_m: float) -> float:
+    """Return the height of a suction cup below its shank: of its pad, or of a narrow one's stem."""
+    return _BIT_LENGTH_M if diameter_m < STANDARD_CUP_M else _PAD_HEIGHT_M
 
 
 def build_tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ...]:
@@ -466,9 +472,9 @@ def build_tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ..
         return (tool.envelope,)
     drives = tool.kind is ToolKind.SCREWDRIVER
     diameter_m = _BIT_DIAMETER_M if drives else tool.cup_m
-    height_m = _BIT_LENGTH_M if drives or tool.cup_m < STANDARD_CUP_M else _PAD_HEIGHT_M
+    height_m = _BIT_LENGTH_M if drives else find_cup_height_m(tool.cup_m)
     shank_m = hand.tip_m - height_m
     return (
         Cylinder(diameter_m, height_m, (0.0, 0.0, height_m / 2)),
-        Cylinder(_SHANK_DIAMETER_M, shank_m, (0.0, 0.0, height_m + shank_m / 2)),
+        Cylinder(SHANK_DIAMETER_M, shank_m, (0.0, 0.0, height_m + shank_m / 2)),
     )

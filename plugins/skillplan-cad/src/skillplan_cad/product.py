@@ -17,6 +17,8 @@ Triangles = NDArray[np.int64]  # (m, 3) indices of points
 Vector = tuple[float, float, float]
 Closure = Literal["closed", "mended", "surface"]
 FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "free"]
+ROUND_KINDS: tuple[FaceKind, ...] = ("cylinder", "cone", "sphere", "torus")
+GRAVITY_M_PER_S2 = 9.81
 
 
 @dataclass(frozen=True, slots=True, eq=False)

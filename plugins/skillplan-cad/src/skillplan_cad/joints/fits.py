@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
 from skillplan_cad.joints.fastener_names import is_seal_name
 from skillplan_cad.joints.turned_shape import describe_turned_shape
@@ -319,9 +320,8 @@ def _drill(part: Part, fastener: Part, line: Fastener, play_m: float) -> Part:
 
 def _build_frame(axis: Points) -> Points:
     """Return two directions across an axis and the axis, one per row."""
-    across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    across /= np.linalg.norm(across)
-    return np.stack([across, np.cross(axis, across), axis])
+    x, y, z = axis.tolist()
+    return np.vstack([find_axes_across((x, y, z)), axis])
 
 
 def _replace_solid(part: Part, solid: Any, frame: Points, origin_m: Points) -> Part:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.blocking.ray_mesh import RayMesh
 from skillplan_cad.product import Face, Part
 
@@ -134,14 +135,18 @@ def _trace_around(
     mesh: RayMesh, points_mm: Floats, axis: Floats
 ) -> tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]:
     """Trace rays from each point across an axis; return hits, distances, and which leave it."""
-    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    x /= np.linalg.norm(x)
+    first, second = _find_across(axis)
     angles = (np.arange(_ANGLES) + 0.37) * 2 * np.pi / _ANGLES
-    rays = np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * np.cross(axis, x)
+    rays = np.cos(angles)[:, None] * first + np.sin(angles)[:, None] * second
     origins = np.repeat(points_mm, _ANGLES, axis=0)
     directions = np.tile(rays, (len(points_mm), 1))
     hit, distance = mesh.trace(origins, directions)
     return hit, distance, np.einsum("ij,ij->i", mesh.normals[hit], directions) > 0
+
+
+def _find_across(axis: Floats) -> Floats:
+    x, y, z = axis.tolist()
+    return find_axes_across((x, y, z))
 
 
 def _describe(part: Part, axis: Floats, origin: Floats, moments: Floats) -> TurnedShape:
@@ -163,9 +168,7 @@ def _describe(part: Part, axis: Floats, origin: Floats, moments: Floats) -> Turn
             bore = face.radius_m
     shank, end = _measure_shank(along, radius, head, [face for face in own if not face.hollow])
     inner, outside, drive = _count_planes(part, axis, origin)
-    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    x /= np.linalg.norm(x)
-    across = np.stack([x, np.cross(axis, x)])
+    across = _find_across(axis)
     spread = np.linalg.eigvalsh(across @ moments @ across.T)
     offset = np.asarray(part.centre_m) - origin
     return TurnedShape(

@@ -17,7 +17,7 @@ from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.planning.equilibrium import Equilibrium
 from skillplan_cad.planning.precedence import encode_set, list_members
 from skillplan_cad.planning.stability import is_over
-from skillplan_cad.product import Product, Vector
+from skillplan_cad.product import ROUND_KINDS, Product, Vector
 from skillplan_cad.relation import Contact, LeftOut, Relation
 
 Array = NDArray[np.float64]
@@ -38,7 +38,6 @@ _LEVEL = 0.999
 _SAME_M = 1e-5
 _FEWEST_POINTS = 3
 _SHOWN = 3
-_ROUND = ("cylinder", "cone", "sphere", "torus")
 # Cosine of a direction that is level, and of two directions that are one.
 _SIDEWAYS, _ALONG = 1e-3, 0.999
 # Largest number of parts that are tried one by one for leaving out.
@@ -445,7 +444,7 @@ class _Standing:
         level = normals @ self._vector < -_LEVEL * np.linalg.norm(normals, axis=1)
         for face in part.faces:
             # A level chord of a round face does not prevent rolling.
-            level[face.triangles] &= face.kind not in _ROUND
+            level[face.triangles] &= face.kind not in ROUND_KINDS
         low = (heights < self._lowest[name] + _TOUCH_M).all(axis=1)
         return np.asarray(corners[level & low].reshape(-1, 3))
 

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from skillplan.collision.contact_forces import BEARS, select_spread, stays_balanced
 from skillplan_cad.planning.precedence import encode_set
-from skillplan_cad.product import Face, Part, Product, Vector
+from skillplan_cad.product import ROUND_KINDS, Face, Part, Product, Vector
 from skillplan_cad.relation import Contact, Relation
 
 Array = NDArray[np.float64]
 
 _NEAR_M = 2e-4
-_ROUND = ("cylinder", "cone", "sphere", "torus")
 
 
 class Equilibrium:
@@ -112,10 +111,12 @@ def _find_pushes(contact: Contact, first: Part, second: Part) -> tuple[Array, Ar
             continue
         normal, face = own if own is not None else (-other[0], None)  # type: ignore[index]
         round_face, flat = face, other
-        if face is None or face.kind not in _ROUND:
+        if face is None or face.kind not in ROUND_KINDS:
             round_face, flat = (None if other is None else other[1]), own
-        is_convex = round_face is not None and round_face.kind in _ROUND and not round_face.hollow
-        is_flat = flat is None or flat[1] is None or flat[1].kind not in _ROUND
+        is_convex = (
+            round_face is not None and round_face.kind in ROUND_KINDS and not round_face.hollow
+        )
+        is_flat = flat is None or flat[1] is None or flat[1].kind not in ROUND_KINDS
         if round_face is not None and is_convex and is_flat:
             # A round face meets a flat one in its tangent line only: chords would keep it upright.
             level = normal if flat is None else (flat[0] if flat is own else -flat[0])

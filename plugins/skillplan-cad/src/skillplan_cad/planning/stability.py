@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from skillplan.collision.contact_forces import FRICTION, find_axes_across, minimize_help
 from skillplan_cad.planning.precedence import list_members
-from skillplan_cad.product import Product, Vector
+from skillplan_cad.product import GRAVITY_M_PER_S2, Product, Vector
 from skillplan_cad.relation import Contact, Relation
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ class Stability:
         if not columns:
             return tuple(loose)
         # Help for each part: force and torque in both directions, priced by weight.
-        weights = self._masses[list(loose)] * 9.81
+        weights = self._masses[list(loose)] * GRAVITY_M_PER_S2
         reach = np.array([np.ptp(self._product.parts[p].vertices_m, axis=0).max() for p in loose])
         scale = np.repeat(weights, 6) * np.tile([1.0] * 3 + [0.0] * 3, len(loose))
         scale += np.repeat(weights * reach, 6) * np.tile([0.0] * 3 + [1.0] * 3, len(loose))

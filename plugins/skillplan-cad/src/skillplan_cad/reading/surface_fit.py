@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.product import Face, Points, Triangles, Vector
 from skillplan_cad.reading.raw_part import compute_area_vectors_m2
 
@@ -138,10 +139,8 @@ def _fit_cylinder(
 
 def _measure_turn(across: Points, axis: NDArray[np.float64]) -> float:
     """Return the angle covered by points around an axis; gaps of the usual width do not count."""
-    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    x /= np.linalg.norm(x)
-    y = np.cross(axis, x)
-    angles = np.unique(np.round(np.arctan2(across @ y, across @ x), 4))
+    first, second = find_axes_across(_vector(axis))
+    angles = np.unique(np.round(np.arctan2(across @ second, across @ first), 4))
     if len(angles) < 3:
         return 0.0
     gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from skillplan.physics.linear_motions import SHANK_DIAMETER_M, find_cup_height_m
 from skillplan.robots.arm_description import Hand
-from skillplan.task.scene import STANDARD_CUP_M
 from skillplan_cad.blocking.ray_mesh import RayMesh, RayView
-from skillplan_cad.product import Part, Points
+from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Points
 
 Floats = NDArray[np.float64]
 Entry = dict[str, Any]
 
-_GRAVITY_M_PER_S2, _FRICTION = 9.81, 0.6
+_FRICTION = 0.6
 # Distance of a surface from a jaw's face at which it still bears the jaw [m].
 _NEAR_M = 1.5e-4
 # Clearance of open jaws on either side of a part, and of a jaw from other material [m].
@@ -50,8 +50,6 @@ _ALONG, _WORTH = 0.999, 0.02
 _ALMOST = 1e-6
 # Unevenness of a face below a cup, and width of the face around it [m].
 _EVEN_M, _RIM_M = 1e-4, 5e-4
-# Diameter of the shank above a cup, and height of the cup or a narrow cup's stem below it [m].
-_SHANK_M, _CUP_HEIGHT_M, _STEM_HEIGHT_M = 0.036, 0.006, 0.04
 _MOST_PIXELS, _BELOW_M = 400, -1e3
 # Pressure below a cup, and factor of safety on its force.
 _VACUUM_PA, _CUP_SAFETY = 6e4, 2.0
@@ -105,7 +103,7 @@ class GraspFinder:
         low, high = self._local[:, :2].min(axis=0), self._local[:, :2].max(axis=0)
         if float((high - low).min()) < diameter_m:
             return None
-        if self._mass_kg * _GRAVITY_M_PER_S2 > compute_cup_force_n(diameter_m) / _CUP_SAFETY:
+        if self._mass_kg * GRAVITY_M_PER_S2 > compute_cup_force_n(diameter_m) / _CUP_SAFETY:
             return None
         pitch_m = max(_FINEST_M, float((high - low).max()) / _MOST_PIXELS)
         # The frame of the picture is beside the part.
@@ -116,10 +114,10 @@ class GraspFinder:
         uneven = ndimage.maximum_filter(heights, 3) - ndimage.minimum_filter(heights, 3) > _EVEN_M
         uneven |= heights == _BELOW_M
         to_edge_m = pitch_m * ndimage.distance_transform_edt(~uneven)
-        shank = 2 * int(np.ceil((max(_SHANK_M, diameter_m) / 2 + _RIM_M) / pitch_m)) + 1
-        height_m = _CUP_HEIGHT_M if diameter_m >= STANDARD_CUP_M else _STEM_HEIGHT_M
+        shank = 2 * int(np.ceil((max(SHANK_DIAMETER_M, diameter_m) / 2 + _RIM_M) / pitch_m)) + 1
         above_m = ndimage.maximum_filter(heights, shank) - heights
-        fits = (to_edge_m >= diameter_m / 2 + _RIM_M) & (above_m <= height_m - _RIM_M)
+        below_shank_m = find_cup_height_m(diameter_m) - _RIM_M
+        fits = (to_edge_m >= diameter_m / 2 + _RIM_M) & (above_m <= below_shank_m)
         if not fits.any():
             return None
         # A high face first, because a cup in a pocket is close to walls.
@@ -228,7 +226,7 @@ class GraspFinder:
         twist_m, tilt_m
             Arms of the weight about the closing direction, and across it.
         """
-        weight_n = self._mass_kg * _GRAVITY_M_PER_S2
+        weight_n = self._mass_kg * GRAVITY_M_PER_S2
         both_n = 2 * hand.force_n
         soft_m = _FRICTION * patch.reach_m
         stiff_m = soft_m + patch.reach_m + _FRICTION * patch.width_m / 2

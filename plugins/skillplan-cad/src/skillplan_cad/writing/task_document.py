@@ -24,7 +24,7 @@ from skillplan_cad.planning.bearing import (
     list_required,
 )
 from skillplan_cad.planning.precedence import encode_set
-from skillplan_cad.product import Part, Points, Product, Triangles, Vector
+from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, LeftOut, Relation
 from skillplan_cad.writing.held_part import (
     CUP,
@@ -225,7 +225,6 @@ Meshes = tuple[tuple[Points, Triangles], ...]
 
 # Friction between jaws and parts as in the engines. The margin covers off-centre grasps.
 _FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
-_GRAVITY_M_PER_S2 = 9.81
 _LEAST_SAFE_M = 0.15
 _ABOVE_PRODUCT_M = 0.05
 
@@ -287,7 +286,7 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
 
 def _compute_grip_n(mass_kg: float, most_n: float) -> float:
     """Return the force that lifts a mass by friction, in whole newtons, up to a limit."""
-    needed_n = _GRIP_MARGIN * mass_kg * _GRAVITY_M_PER_S2 / (2 * _FRICTION)
+    needed_n = _GRIP_MARGIN * mass_kg * GRAVITY_M_PER_S2 / (2 * _FRICTION)
     return float(min(most_n, max(_LEAST_GRIP_N, math.ceil(needed_n))))
 
 
