@@ -13,9 +13,10 @@ from skillplan.domains.assembly.holding import trace_ray_m
 from skillplan.domains.assembly.insertion import find_insertion_issues
 from skillplan.domains.assembly.layout import get_layout, list_rim
 from skillplan.domains.assembly.part_meshes import build_origin_hint, find_piece_issues
-from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig, Shaped
+from skillplan.domains.assembly.part_schema import PartConfig, Shaped
 from skillplan.domains.assembly.resting import find_resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.errors import Issue
 from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus, unit

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from skillplan.collision.solid import Solid
-from skillplan.domains.assembly.part_schema import ScrewConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN, Point, Pose, cross, is_same_direction, unit
 from skillplan.task.shape import Box, Shape

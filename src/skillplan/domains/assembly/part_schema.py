@@ -1,4 +1,4 @@
-"""YAML schema of parts (shape, start, goal), fixtures and screws."""
+"""YAML schema of parts (shape, start, goal) and fixtures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from pydantic import (
 from skillplan.domains.assembly.schema_types import (
     Angle,
     Angles,
-    Direction,
     Directions,
     Extent,
     Extents,
@@ -27,16 +26,14 @@ from skillplan.domains.assembly.schema_types import (
     Length,
     PartDurations,
     PlanarOrSpatial,
-    ScrewDurations,
     Spatial,
     is_absent,
     is_empty,
     make_point,
-    make_unit,
 )
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continue_sentence, shown
-from skillplan.task.pose import DOWN, Point
+from skillplan.task.pose import Point
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
@@ -421,43 +418,3 @@ class FixtureConfig(Shaped):
     def turn_rad(self) -> Point:
         """Roll, pitch and yaw [rad]."""
         return _make_turn(self.rpy_rad, self.yaw_rad)
-
-
-class ScrewConfig(Strict):
-    """A screw: its hole and the part that it fastens."""
-
-    tool: Name = Field(description="the tool that drives it")
-    hole_m: PlanarOrSpatial = Field(
-        description="the mouth of its hole, x y z, or x y: at the top of the part it goes through "
-        "[m]"
-    )
-    axis: Direction = Field(
-        [0.0, 0.0, -1.0],
-        description="direction in the world in which it goes into the hole; left out: straight "
-        "down",
-    )
-    through: Name = Field(description="the part whose top its head rests on")
-    feeder: Name | None = Field(
-        None,
-        description="the feeder where the tool fetches it; left out: the tool brings it along",
-    )
-    head_diameter_m: Extent = Field(0.006, description="diameter of the head [m]")
-    head_height_m: Extent = Field(0.002, description="height of the head [m]")
-    mass_kg: Mass = Field(0.001, description="mass [kg]")
-    durations_s: ScrewDurations | None = Field(
-        None,
-        exclude_if=is_absent,
-        description="dwell times of this screw [s]; left out: dwell of its tool, or of the task",
-    )
-
-    @property
-    def direction(self) -> Point:
-        """Unit vector in the world along which it goes into its hole."""
-        return make_unit(self.axis)
-
-    @model_validator(mode="after")
-    def _require_height_of_oblique_hole(self) -> ScrewConfig:
-        if len(self.hole_m) < 3 and make_unit(self.axis) != DOWN:
-            message = "give the hole x y z [m], as its axis is not straight down."
-            raise Located(message, "hole_m")
-        return self

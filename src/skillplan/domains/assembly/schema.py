@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig, ScrewConfig
+from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig
 from skillplan.domains.assembly.robot_schema import RobotConfig, ToolConfig
 from skillplan.domains.assembly.schema_types import (
     DurationsConfig,
@@ -15,6 +15,7 @@ from skillplan.domains.assembly.schema_types import (
     is_absent,
     is_empty,
 )
+from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
 from skillplan.task.pose import Point
