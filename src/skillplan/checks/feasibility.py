@@ -203,7 +203,7 @@ class Feasibility:
             self._workers = CheckWorkers(task, self.back_ends, jobs, executor)
             self.foresight = Foresight(self._chain, self.cache, self.variants)
         self.times = ExecutionTimes(task, self.back_ends, self.variants)
-        timed = task.metric.is_duration and bool(self.times.sources)
+        timed = task.metric.depends_on_time and bool(self.times.sources)
         self._prices = Prices(self._price, self.times.basis) if timed else None
 
     def verdict(

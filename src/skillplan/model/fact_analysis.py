@@ -6,7 +6,15 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from operator import or_
 
-from skillplan.task.cost import CaseCost, ConstantCost, Cost, DerivedCost, DistanceCost, TableCost
+from skillplan.task.cost import (
+    CaseCost,
+    ConstantCost,
+    Cost,
+    DerivedCost,
+    DistanceCost,
+    TableCost,
+    WeightedCost,
+)
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 
@@ -96,6 +104,9 @@ class CostBasis:
                 self._places[shared] = reduce(or_, cost.places)
             when = (route.when.bits for route in cost.motion.routes)
             return reduce(or_, when, self._places[shared])
+        if isinstance(cost, WeightedCost):
+            path, duration = self.bits(cost.path_m), self.bits(cost.duration_s)
+            return None if path is None or duration is None else path | duration
         if isinstance(cost, DerivedCost):
             return self.bits(cost.cost)
         return None

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from skillplan.checks.feasibility import Feasibility
 from skillplan.errors import SearchStopped
+from skillplan.task.cost import WeightedCost
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -96,7 +97,8 @@ class SkillModel:
     Attributes
     ----------
     asks_costs
-        True if costs are execution times of back ends; `least_cost` bounds them without a query.
+        True if costs are execution times of back ends, or depend on them; `least_cost` bounds them
+        without a query.
     """
 
     def __init__(self, feasibility: Feasibility, overdue: Callable[[], bool] | None = None) -> None:
@@ -106,7 +108,7 @@ class SkillModel:
         self._transitions: dict[State, tuple[Transition, ...]] = {}
         self._times = feasibility.times
         self._timed = bool(self._times.sources)
-        self.asks_costs = self._timed and self.task.metric.is_duration
+        self.asks_costs = self._timed and self.task.metric.depends_on_time
         self._unknown = 0
         self._left_open = ""
         self._expanded = 0
@@ -200,7 +202,7 @@ class SkillModel:
             tuple(
                 (outcome.probability, outcome.apply(state)) for outcome in skill.outcomes_in(state)
             ),
-            duration_s if self.asks_costs else skill.cost.at(state),
+            self.price(skill, state, duration_s),
             duration_s,
         )
 
@@ -214,7 +216,16 @@ class SkillModel:
         BackEndError
             If a back end fails.
         """
-        return self.duration_s(state, skill) if self.asks_costs else skill.cost.at(state)
+        if not self.asks_costs:
+            return skill.cost.at(state)
+        return self.price(skill, state, self.duration_s(state, skill))
+
+    def price(self, skill: Skill, state: State, duration_s: float) -> float:
+        """Return the cost of `skill` in `state` if its duration is known [s]."""
+        if not self.asks_costs:
+            return skill.cost.at(state)
+        cost = skill.cost
+        return cost.price(state, duration_s) if isinstance(cost, WeightedCost) else duration_s
 
     def least_cost(self, skill: Skill, true_bits: int, false_bits: int) -> float:
         """Return a lower bound on the cost of a skill, without computing an execution time.
@@ -227,6 +238,9 @@ class SkillModel:
         if self.asks_costs:
             least_s = self._times.least_s(skill, true_bits, false_bits)
             if math.isfinite(least_s):
+                cost = skill.cost
+                if isinstance(cost, WeightedCost):
+                    return cost.bound(true_bits, false_bits, least_s)
                 return least_s
         return skill.cost.least(true_bits, false_bits)
 

@@ -5,6 +5,7 @@ from .cost import ConstantCost as ConstantCost
 from .cost import Cost as Cost
 from .cost import DistanceCost as DistanceCost
 from .cost import TableCost as TableCost
+from .cost import WeightedCost as WeightedCost
 from .cost import compute_planar_distance as compute_planar_distance
 from .motion import AXES as AXES
 from .motion import Event as Event
@@ -95,6 +96,7 @@ __all__ = [
     "Verdict",
     "VerdictStatus",
     "Visit",
+    "WeightedCost",
     "compute_planar_distance",
     "cross",
     "dot",

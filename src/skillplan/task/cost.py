@@ -204,6 +204,58 @@ class DistanceCost:
                 yield start
 
 
+@dataclass(frozen=True)
+class WeightedCost:
+    """A weighted sum of a path, of a duration, and of a fixed amount.
+
+    Parameters
+    ----------
+    path_m
+        Length of the path [m].
+    per_m
+        Cost per metre, >= 0.
+    duration_s
+        Duration [s], unless a back end provides it.
+    per_s
+        Cost per second, >= 0.
+    fixed
+        Cost of each execution, such as wear and energy, >= 0.
+    """
+
+    path_m: Cost
+    per_m: float
+    duration_s: Cost
+    per_s: float
+    fixed: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("per_m", "per_s", "fixed"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"WeightedCost {name} must be finite and >= 0, not {value}.")
+
+    def at(self, state: State) -> float:
+        """Return the value in `state`, with the duration of the task."""
+        return self.price(state, self.duration_s.at(state))
+
+    def least(self, true_bits: int, false_bits: int) -> float:
+        """Return a lower bound, with the duration of the task."""
+        least_s = self.duration_s.least(true_bits, false_bits)
+        return self.bound(true_bits, false_bits, least_s)
+
+    def price(self, state: State, duration_s: float) -> float:
+        """Return the value in `state` for a given duration [s]."""
+        return self.fixed + self.per_m * self.path_m.at(state) + self.per_s * duration_s
+
+    def bound(self, true_bits: int, false_bits: int, least_s: float) -> float:
+        """Return a lower bound over the states with these facts known, for a least duration [s]."""
+        least_m = self.path_m.least(true_bits, false_bits)
+        # A weight of 0 would make no number of an infinite bound.
+        if math.isinf(least_m) or math.isinf(least_s):
+            return math.inf
+        return self.fixed + self.per_m * least_m + self.per_s * least_s
+
+
 def compute_planar_distance(start: Point, goal: Point) -> float:
     """Return the horizontal distance between two points [m]."""
     return math.hypot(goal[0] - start[0], goal[1] - start[1])

@@ -28,16 +28,32 @@ class Metric:
         Number of decimals in output, >= 0.
     is_duration
         True if costs are durations [s]; then times from back ends override the task's figures.
+    per_s
+        Cost per second of the duration in a weighted sum, >= 0; costs of skills are then
+        `WeightedCost`. Times from back ends override the task's figures if it is above 0.
+    terms
+        Terms of a weighted sum in words, such as ``0.5 ct/m``.
     """
 
     name: str
     unit: str
     decimals: int = 5
     is_duration: bool = False
+    per_s: float = 0.0
+    terms: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.decimals < 0:
             raise ValueError(f"Metric decimals must be >= 0, not {self.decimals}.")
+        if not (math.isfinite(self.per_s) and self.per_s >= 0):
+            raise ValueError(f"Metric per_s must be finite and >= 0, not {self.per_s}.")
+        if self.is_duration and self.per_s:
+            raise ValueError("Metric per_s is for a weighted sum, and a duration is none.")
+
+    @property
+    def depends_on_time(self) -> bool:
+        """True if costs are durations, or have them as a term."""
+        return self.is_duration or self.per_s > 0
 
     @property
     def heading(self) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain, islice
 
+from skillplan.domains.assembly.cost_schema import find_cost_issues
 from skillplan.domains.assembly.geometry_faults import find_geometry_issues, find_shape_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.vocabulary import HOME, list_actions, list_facts, split_literal
@@ -28,6 +29,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
                 _check_lists(config),
                 _check_step_limit(config),
                 _check_product_parts(config),
+                find_cost_issues(config.cost, config.tools, list_actions(config)),
             ),
             _MAX_ISSUES,
         )

@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from skillplan.domains.assembly import vocabulary
+from skillplan.domains.assembly.cost_schema import CostConfig, compute_fixed_cost, make_metric
 from skillplan.domains.assembly.gripping import choose_tool_kind, list_grasps
 from skillplan.domains.assembly.insertion import list_pick_visits, list_place_visits
 from skillplan.domains.assembly.layout import get_layout
@@ -20,7 +21,7 @@ from skillplan.domains.assembly.resting import find_bearers
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kinds, make_point
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, FIXED, HAND_FREE, HOME, NO_TOOL
-from skillplan.task.cost import DistanceCost, compute_planar_distance
+from skillplan.task.cost import Cost, DistanceCost, WeightedCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.scene import (
@@ -36,7 +37,7 @@ from skillplan.task.scene import (
 from skillplan.task.shape import Box, Cylinder
 from skillplan.task.skill import Outcome, Skill, Way
 from skillplan.task.state import Condition, Facts
-from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
+from skillplan.task.task import BackEndChoice, Literal, Precedence, Task
 
 MOST_STEPS = 100_000
 """Greatest step limit of a file."""
@@ -45,11 +46,6 @@ MOST_STEPS = 100_000
 _FIXTURE_KG = 1.0
 # Greatest probability that a part is left behind after all tries that the step limit allows.
 _LEFT_BEHIND = 1e-3
-
-_METRICS = {
-    "distance": Metric("distance", "m"),
-    "time": Metric("time", "s", decimals=3, is_duration=True),
-}
 
 
 def ground(config: AssemblyConfig, sha256: str) -> Task:
@@ -101,7 +97,7 @@ class _Grounding:
                 *([FIXED] if config.fixtures else []),
             ),
             goal=Condition(facts.of(*goal), facts.none),
-            metric=_METRICS[config.cost],
+            metric=make_metric(config.cost),
             step_limit=choose_step_limit(config),
             scene=_build_scene(config, {f"at({name})": p for name, p in self.positions.items()}),
             reward=self._build_reward(order),
@@ -223,13 +219,19 @@ class _Grounding:
             dwells=True,
             behind_m=self.behind_m,
         )
+        name = f"{kind}({subject})"
+        cost: Cost = duration_s if config.cost == "time" else distance_m
+        if isinstance(config.cost, CostConfig):
+            weights = config.cost
+            fixed = compute_fixed_cost(weights, kind, name, parameters)
+            cost = WeightedCost(distance_m, weights.per_m, duration_s, weights.per_s, fixed)
         return Skill(
-            name=f"{kind}({subject})",
+            name=name,
             kind=kind,
             agents=(robot,),
             precondition=Condition(facts.of(*requires), facts.of(*forbids)),
             outcomes=tuple(outcomes),
-            cost=duration_s if config.cost == "time" else distance_m,
+            cost=cost,
             duration_s=duration_s,
             motion=motion,
             parameters=parameters,

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from skillplan.domains.assembly.cost_schema import CostChoice
 from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig
 from skillplan.domains.assembly.robot_schema import RobotConfig, ToolConfig
 from skillplan.domains.assembly.schema_types import (
@@ -24,7 +25,6 @@ Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 Fact = Annotated[str, Field(min_length=1, max_length=200)]
 Shift = Annotated[float, Field(ge=0, le=1)]
 ToolChange = Literal["swap", "separate"]
-CostKind = Literal["distance", "time"]
 
 
 class ToolChangeConfig(Strict):
@@ -139,11 +139,11 @@ class AssemblyConfig(Strict):
     name: Name = Field(description="the task's name")
     description: str = Field("", description="for people")
     robot: RobotConfig = Field(description="the arm")
-    cost: CostKind = Field(
+    cost: CostChoice = Field(
         "distance",
-        description="objective: the planar path of the tip [m], or the cycle "
+        description="objective: distance, the planar path of the tip [m]; time, the cycle "
         "time [s]: 'durations_s', and travels by the trajectories of a back end, or else by "
-        "'travel_speed_m_per_s'",
+        "'travel_speed_m_per_s'; or weights of a sum of both with wear and energy",
     )
     durations_s: DurationsConfig = Field(
         default_factory=DurationsConfig,

@@ -115,7 +115,8 @@ class Variants:
     def _cost_bits(self, skill: Skill) -> int:
         """Return the bits of the facts that affect a skill's cost."""
         model = self._model
-        bits = self._basis.bits(skill.duration_s if model.asks_costs else skill.cost)
+        is_duration = model.asks_costs and model.task.metric.is_duration
+        bits = self._basis.bits(skill.duration_s if is_duration else skill.cost)
         if bits is None:
             raise NoActionCosts(f"it is not known which facts the cost of {skill.name} depends on")
         return bits | model.feasibility.times.basis if model.asks_costs else bits

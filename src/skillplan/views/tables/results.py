@@ -68,7 +68,7 @@ def tabulate_plan(result: Result, task: Task) -> Table:
     notes += _describe_derived(result)
     notes += _trace_notes(result, task.metric.decimals)
     nodes = "-" if result.expanded is None else result.expanded
-    timed = task.metric.is_duration and result.timed_by
+    timed = task.metric.depends_on_time and result.timed_by
     trajectories = f"{result.trajectories} trajectories, " if timed else ""
     notes.append(
         f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, {trajectories}"
@@ -111,14 +111,16 @@ def _describe_bound(result: Result, task: Task) -> list[str]:
 
 
 def describe_times(result: Result, metric: Metric) -> list[str]:
-    """Return the source of times if time is minimised."""
-    if not metric.is_duration:
-        return []
+    """Return the terms of a weighted sum, and the source of times if costs depend on them."""
+    terms = [f"weights    {', '.join(metric.terms)}"] if metric.terms else []
+    if not metric.depends_on_time:
+        return terms
     if result.timed_by:
-        return [f"times      trajectories of {result.timed_by}, and the task's dwell times"]
+        return [*terms, f"times      trajectories of {result.timed_by}, and the task's dwell times"]
     return [
+        *terms,
         "times      the task's travel_speed_m_per_s and dwell times, as no back end plans "
-        "trajectories; swept does"
+        "trajectories; swept does",
     ]
 
 

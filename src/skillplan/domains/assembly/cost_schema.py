@@ -1,0 +1,147 @@
+"""The YAML schema of costs: the path, the cycle time, or a weighted sum with wear and energy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from skillplan.domains.domain import Strict
+from skillplan.errors import Issue, name_hint
+from skillplan.files.schema_errors import ONE, WORD
+from skillplan.task.task import Metric
+
+Weight = Annotated[float, Field(ge=0, le=1e6)]
+Energy = Annotated[float, Field(ge=0, le=1e9)]
+Subject = Annotated[str, Field(min_length=1, max_length=200)]
+
+_METRICS: Mapping[str, Metric] = {
+    "distance": Metric("distance", "m"),
+    "time": Metric("time", "s", decimals=3, is_duration=True),
+}
+# Skills that end or prepare the use of a tool: they wear it together with the pick or fastening.
+_NO_USES = ("place", "load", "offload", "turn")
+_J_PER_KJ = 1000.0
+
+
+class CostConfig(Strict):
+    """A weighted sum of path, time, wear and energy."""
+
+    unit: Annotated[str, Field(max_length=16)] = Field(
+        "", description="unit of the sum, such as ct; left out: a plain number"
+    )
+    per_m: Weight = Field(
+        0.0, description="cost per length of the planar path of the tip, in 'unit' [m]; left out: 0"
+    )
+    per_s: Weight = Field(
+        0.0,
+        description="cost per duration of the cycle, dwells and tool changes included, in 'unit' "
+        "[s]; left out: 0",
+    )
+    wear: Annotated[dict[Subject, Weight], Field(max_length=256)] = Field(
+        {},
+        description="cost of each use, in 'unit': of a tool, for every part that it picks and "
+        "every screw that it drives, or of a kind of skill such as load, or of one skill such as "
+        "fasten(screw_1); all that apply are added; left out: none",
+    )
+    energy_j: Annotated[dict[Subject, Energy], Field(max_length=256)] = Field(
+        {},
+        description="energy of each execution of a kind of skill, such as fasten, or of one skill, "
+        "which comes before that of its kind [J]; 'per_m' and 'per_s' price that of travels; left "
+        "out: none",
+    )
+    per_kj: Weight = Field(
+        0.0, description="cost per energy of 'energy_j', in 'unit' [kJ]; left out: 0"
+    )
+
+
+CostChoice = Annotated[
+    Annotated[Literal["distance", "time"], Tag(WORD)] | Annotated[CostConfig, Tag(ONE)],
+    Discriminator(lambda value: WORD if isinstance(value, str) else ONE),
+]
+"""A cost by name, or a weighted sum."""
+
+
+def make_metric(cost: str | CostConfig) -> Metric:
+    """Return the metric of a cost."""
+    if isinstance(cost, str):
+        return _METRICS[cost]
+    per = f"{cost.unit}/" if cost.unit else "1/"
+    terms = [f"{weight:g} {per}{unit}" for weight, unit in _list_rates(cost) if weight]
+    if cost.wear:
+        terms.append(f"wear of {', '.join(cost.wear)}")
+    return Metric("cost", cost.unit, decimals=4, per_s=cost.per_s, terms=tuple(terms))
+
+
+def _list_rates(cost: CostConfig) -> tuple[tuple[float, str], ...]:
+    return (cost.per_m, "m"), (cost.per_s, "s"), (cost.per_kj, "kJ")
+
+
+def compute_fixed_cost(
+    cost: CostConfig, kind: str, name: str, parameters: Mapping[str, str]
+) -> float:
+    """Return wear and energy of one execution of a skill, in the unit of the sum.
+
+    Parameters
+    ----------
+    kind, name, parameters
+        As of the skill, such as ``pick``, ``pick(pcb)`` and ``{"tool": "gripper"}``.
+    """
+    tool = None if kind in _NO_USES else parameters.get("tool")
+    subjects = [subject for subject in (tool, kind, name) if subject is not None]
+    wear = sum(cost.wear.get(subject, 0.0) for subject in subjects)
+    energy_j = cost.energy_j.get(name, cost.energy_j.get(kind, 0.0))
+    return wear + cost.per_kj * energy_j / _J_PER_KJ
+
+
+def find_cost_issues(
+    cost: str | CostConfig, tools: Iterable[str], actions: Sequence[str]
+) -> Iterator[Issue]:
+    """Yield unknown names, and keys without effect, of a weighted sum.
+
+    Parameters
+    ----------
+    tools, actions
+        Names of the task's tools and skills.
+    """
+    if isinstance(cost, str):
+        return
+    kinds = list(dict.fromkeys(action.partition("(")[0] for action in actions))
+    known = {"wear": [*tools, *kinds, *actions], "energy_j": [*kinds, *actions]}
+    for key, names in known.items():
+        for subject in getattr(cost, key):
+            if subject not in names:
+                what = "tool or skill" if key == "wear" else "skill"
+                hint = name_hint(subject, names)
+                yield Issue(f"unknown {what} {subject!r}. {hint}", ("cost", key, subject))
+    if cost.energy_j and not cost.per_kj:
+        message = "energies cost nothing without a price. Give 'per_kj' above 0."
+        yield Issue(message, ("cost", "energy_j"))
+    if cost.per_kj and not any(cost.energy_j.values()):
+        message = "no skill has an energy. Give 'energy_j', such as {fasten: 60}."
+        yield Issue(message, ("cost", "per_kj"))
+    if not any((cost.per_m, cost.per_s, cost.per_kj, *cost.wear.values())):
+        message = (
+            "all weights are 0, so every plan is the best. Give one of 'per_m', 'per_s', 'wear'."
+        )
+        yield Issue(message, ("cost",))
+
+
+def list_cost_names(cost: str | CostConfig) -> tuple[str, ...]:
+    """Return the names of the costs that a file can be asked for."""
+    names = ["distance", "time"]
+    if isinstance(cost, CostConfig):
+        names += ["cost", *(["wear"] if cost.wear else []), *(["energy"] if cost.energy_j else [])]
+    return tuple(names)
+
+
+def choose_cost(cost: str | CostConfig, name: str) -> str | CostConfig:
+    """Return one of the costs that `list_cost_names` lists."""
+    if isinstance(cost, str) or name in _METRICS:
+        return name
+    if name == "wear":
+        return CostConfig(unit=cost.unit, wear=cost.wear)
+    if name == "energy":
+        return CostConfig(unit="J", energy_j=cost.energy_j, per_kj=_J_PER_KJ)
+    return cost
