@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from skillplan.domains.assembly.cost_schema import CostChoice
 from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig
-from skillplan.domains.assembly.robot_schema import RobotConfig, ToolConfig
+from skillplan.domains.assembly.robot_schema import RobotConfig
 from skillplan.domains.assembly.schema_types import (
     DurationsConfig,
     Height,
@@ -17,6 +17,7 @@ from skillplan.domains.assembly.schema_types import (
     is_empty,
 )
 from skillplan.domains.assembly.screw_schema import ScrewConfig
+from skillplan.domains.assembly.tool_schema import ToolConfig
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
 from skillplan.task.pose import Point
