@@ -139,8 +139,8 @@ def test_a_jaw_of_the_panda_is_close_to_its_mesh(panda_mesh):
     # Of the mesh y is the closing axis, and z ends at the tip.
     x, y, z = corners.T
     mesh = np.column_stack([y, x, 0.05385 - z]), faces
-    assert inside_m(mesh, [np.array(PANDA_HAND.jaw)], 0.001) < 5e-4
-    assert outside_m(mesh, [np.array(PANDA_HAND.jaw)], 0.0015) < 5e-4
+    assert inside_m(mesh, [np.array(PANDA_HAND.jaw[0])], 0.001) < 5e-4
+    assert outside_m(mesh, [np.array(PANDA_HAND.jaw[0])], 0.0015) < 5e-4
 
 
 def test_the_body_of_the_pandas_hand_is_close_to_its_mesh_whichever_way_round_it_is(panda_mesh):

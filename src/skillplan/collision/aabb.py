@@ -139,10 +139,10 @@ def _sweep_load(
     if body is not None:
         boxes = world_boxes(body, Pose(origin, visit.pose.orientation))
         yield Sweep(label, body.name, boxes, by, spares)
-    if tool is not None and tool.envelope is not None:
+    if tool is not None and tool.boxes:
         moved = plus(origin, visit.position, -1.0)
-        box = _place_tool_box(scene, visit, load, tool.envelope, moved)
-        yield Sweep(label, tool.name, (box,), by, spares)
+        boxes = tuple(_place_tool_box(scene, visit, load, box, moved) for box in tool.boxes)
+        yield Sweep(label, tool.name, boxes, by, spares)
 
 
 def _place_tool_box(
@@ -393,7 +393,7 @@ class AabbDetector(Detector):
         present, absent = facts.none, facts.none
         if self._travel_matters[robot.name]:
             present |= facts.of(place_fact)
-        if any(item.envelope is not None for item in robot.tools):
+        if any(item.boxes for item in robot.tools):
             if tool is None:
                 absent |= facts.of(*(item.fact for item in robot.tools))
             else:

@@ -13,7 +13,8 @@ from skillplan.physics.engine import Engine
 from skillplan.physics.linear_motions import LinearMotion, plan_linear_motions
 from skillplan.robots.arm_description import ArmDescription
 from skillplan.robots.catalogue import PANDA, UR5E
-from skillplan.task.motion import Event, Point, Visit
+from skillplan.task.motion import AXES, Event, Point, Visit
+from skillplan.task.pose import plus
 from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -43,7 +44,11 @@ class KinematicEngine(Engine):
         for motion in plan_linear_motions(self.task, skill, state):
             visit = motion.visit
             vertical = motion.is_vertical
-            for point in self.via_points(robot, visit) if vertical else motion.approach:
+            points = self.via_points(robot, visit) if vertical else motion.approach
+            tool = motion.acting_tool
+            if vertical and tool is not None and tool.beyond_m:
+                points = tuple(plus(point, AXES["z"], tool.beyond_m) for point in points)
+            for point in points:
                 distance_m = math.dist(robot.base, point)
                 if distance_m > robot.reach_m:
                     return Verdict.infeasible(

@@ -26,6 +26,7 @@ from skillplan.task.pose import (
     unit,
 )
 from skillplan.task.scene import (
+    STANDARD_BIT_M,
     STANDARD_CUP_M,
     Body,
     Grasp,
@@ -63,9 +64,8 @@ class LinearMotion:
     Parameters
     ----------
     tip
-        Position of the tip during the act [m]: midway between the fingertips, the rim of the
-        suction
-        cup, or the end of the bit.
+        Position of the arm's tip during the act [m], which `Tool.beyond_m` separates from
+        `tool_tip`. Only a tool that is longer or shorter than the arm's hand has two of them.
     closing_yaw_rad
         Closing direction of a hand that points down, from x about the vertical [rad].
     orientation
@@ -76,6 +76,8 @@ class LinearMotion:
         Polyline of the tip from `tip` to safe height [m].
     drop_m
         Height above its goal at which a part is released [m], >= 0.
+    loads
+        Tool that is loaded at the target, or None.
     """
 
     visit: Visit
@@ -88,6 +90,7 @@ class LinearMotion:
     tool: Tool | None
     leaves_with: str | None
     drop_m: float = 0.0
+    loads: Tool | None = None
 
     @classmethod
     def straight_down(
@@ -149,8 +152,21 @@ class LinearMotion:
         return self.points_down and len(self.approach) == len(self.retreat) == 2
 
     @property
+    def acting_tool(self) -> Tool | None:
+        """Tool at the target: the attached one, or the one that is loaded."""
+        return self.loads or self.tool
+
+    @property
+    def tool_tip(self) -> Point:
+        """Position of the tool's tip during the act [m].
+
+        It is midway between the fingertips, the rim of the suction cup, or the end of the bit.
+        """
+        return plus(self.tip, self.points, _measure_beyond_m(self.acting_tool))
+
+    @property
     def grasp_tip(self) -> Point:
-        """Position of the tip with the handled body at its goal [m]."""
+        """Position of the arm's tip with the handled body at its goal [m]."""
         return (self.tip[0], self.tip[1], self.tip[2] - self.drop_m)
 
 
@@ -273,26 +289,36 @@ def _plan_linear_motion(
     dropped = plus(tip, up)
     orientation = Pose.of_axes(tip, closing, points).orientation
     approach, retreat = _plan_stretches(visit, grasp, body, tip, points, closing)
+    down = (
+        _raise_to(approach[-1], above_m),
+        *(plus(point, up) for point in reversed(approach[1:])),
+        dropped,
+    )
+    back = (dropped, *(plus(point, up) for point in retreat[1:]), _raise_to(retreat[-1], above_m))
+    loads = find_tool_after(robot, visit, tool) if visit.event is Event.LOAD else None
+    beyond_m = _measure_beyond_m(loads or tool)
+    if beyond_m:
+        # The hand keeps its orientation, so the arm's tip is as far behind everywhere.
+        down, back = (
+            tuple(plus(point, points, -beyond_m) for point in line) for line in (down, back)
+        )
     return LinearMotion(
         visit,
-        dropped,
+        down[-1],
         yaw_rad,
         orientation,
-        (
-            _raise_to(approach[-1], above_m),
-            *(plus(point, up) for point in reversed(approach[1:])),
-            dropped,
-        ),
-        (
-            dropped,
-            *(plus(point, up) for point in retreat[1:]),
-            _raise_to(retreat[-1], above_m),
-        ),
+        down,
+        back,
         carries,
         tool,
         leaves_with,
         drop_m,
+        loads,
     )
+
+
+def _measure_beyond_m(tool: Tool | None) -> float:
+    return 0.0 if tool is None else tool.beyond_m
 
 
 def _choose_drop_m(visit: Visit, drop_height_m: float) -> float:
@@ -442,10 +468,8 @@ def list_handled(skill: Skill) -> Iterator[Visit]:
                 yield visit
 
 
-# Diameter and length of a bit, and height of a pad, below a shank that ends at the flange [m]. A
-# narrow pad has a stem as long as a bit.
-_BIT_DIAMETER_M: Final = 0.005
-_BIT_LENGTH_M: Final = 0.040
+# Height of a pad below a shank that ends at the flange [m]. A narrow pad has a stem as long as a
+# bit.
 _PAD_HEIGHT_M: Final = 0.006
 SHANK_DIAMETER_M: Final = 0.036
 """Diameter of the shank above a bit or pad [m]."""
@@ -453,28 +477,32 @@ SHANK_DIAMETER_M: Final = 0.036
 
 def find_cup_height_m(diameter_m: float) -> float:
     """Return the height of a suction cup below its shank: of its pad, or of a narrow one's stem."""
-    return _BIT_LENGTH_M if diameter_m < STANDARD_CUP_M else _PAD_HEIGHT_M
+    return STANDARD_BIT_M[0] if diameter_m < STANDARD_CUP_M else _PAD_HEIGHT_M
 
 
 def build_tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ...]:
     """Return the shapes of a tool from its tip, z up; empty for a gripper.
 
-    The paper gives no dimensions of its tools; these are plausible, not measured.
+    The paper gives no dimensions of its tools; those of a tool without `shapes` are plausible, not
+    measured.
 
     Parameters
     ----------
     hand
-        Hand on the flange; a tool ends at the same distance as its jaws.
+        Any hand of the arm; a tool ends `beyond_m` from the arm's tip.
     """
     if tool.kind is ToolKind.GRIPPER:
         return ()
     if tool.envelope is not None:
         return (tool.envelope,)
-    drives = tool.kind is ToolKind.SCREWDRIVER
-    diameter_m = _BIT_DIAMETER_M if drives else tool.cup_m
-    height_m = _BIT_LENGTH_M if drives else find_cup_height_m(tool.cup_m)
-    shank_m = hand.tip_m - height_m
-    return (
-        Cylinder(diameter_m, height_m, (0.0, 0.0, height_m / 2)),
-        Cylinder(SHANK_DIAMETER_M, shank_m, (0.0, 0.0, height_m + shank_m / 2)),
-    )
+    ends: list[Shape]
+    if tool.kind is ToolKind.SUCTION:
+        height_m = find_cup_height_m(tool.cup_m)
+        ends = [Cylinder(tool.cup_m, height_m, (x, y, height_m / 2)) for x, y in tool.cups]
+    else:
+        height_m, diameter_m = tool.bit_m or STANDARD_BIT_M
+        ends = [Cylinder(diameter_m, height_m, (0.0, 0.0, height_m / 2))]
+    if tool.shapes:
+        return (*ends, *tool.shapes)
+    shank_m = hand.arm_tip_m + tool.beyond_m - height_m
+    return (*ends, Cylinder(SHANK_DIAMETER_M, shank_m, (0.0, 0.0, height_m + shank_m / 2)))

@@ -511,6 +511,13 @@ class Hand:
         hand's frame [m]. They need not be symmetric.
     mass_kg
         Mass [kg], >= 0; 0 if unknown.
+    beyond_m
+        Distance of the jaws' ends beyond the tip of the arm [m], negative if they end before it;
+        0 for the arm's own hand.
+    jaw_pieces_m
+        Convex pieces of a jaw as `jaw_corners_m`, if it is not one; else empty.
+    body_pieces_m
+        Convex pieces of the body as `body_corners_m`, if it is not one; else empty.
 
     Raises
     ------
@@ -527,6 +534,9 @@ class Hand:
     jaw_corners_m: tuple[Triple, ...] = ()
     body_corners_m: tuple[Triple, ...] = ()
     mass_kg: float = 0.0
+    beyond_m: float = 0.0
+    jaw_pieces_m: tuple[tuple[Triple, ...], ...] = ()
+    body_pieces_m: tuple[tuple[Triple, ...], ...] = ()
 
     def __post_init__(self) -> None:
         for what in ("opening_m", "tip_m", "force_n"):
@@ -546,14 +556,22 @@ class Hand:
         return Transform((x_m, y_m, z_m + self.tip_m), self.on_flange.rpy_rad)
 
     @property
-    def jaw(self) -> tuple[Triple, ...]:
-        """Corners of a jaw: behind its face, across the closing axis, above its end [m]."""
-        return self.jaw_corners_m or tuple(
+    def arm_tip_m(self) -> float:
+        """Distance from the hand's frame to the tip of the arm [m], alike for all hands of it."""
+        return self.tip_m - self.beyond_m
+
+    @property
+    def jaw(self) -> tuple[tuple[Triple, ...], ...]:
+        """Convex pieces of a jaw: behind its face, across the closing axis, above its end [m]."""
+        if self.jaw_pieces_m:
+            return self.jaw_pieces_m
+        corners = self.jaw_corners_m or tuple(
             (behind_m, side * half_m, height_m)
             for height_m, half_m, begin_m, end_m in self.jaw_m
             for behind_m in (begin_m, end_m)
             for side in (-1, 1)
         )
+        return (corners,)
 
     @property
     def body(self) -> tuple[tuple[Triple, ...], ...]:
@@ -563,6 +581,13 @@ class Hand:
         therefore
         two pieces: as described and turned.
         """
+        if self.body_pieces_m:
+            turned_pieces = (
+                tuple((-x_m, -y_m, z_m) for x_m, y_m, z_m in piece) for piece in self.body_pieces_m
+            )
+            seen = {frozenset(piece) for piece in self.body_pieces_m}
+            others = (piece for piece in turned_pieces if frozenset(piece) not in seen)
+            return (*self.body_pieces_m, *others)
         if self.body_corners_m:
             turned = tuple((-x_m, -y_m, z_m) for x_m, y_m, z_m in self.body_corners_m)
             return (self.body_corners_m, turned)
@@ -573,6 +598,11 @@ class Hand:
             for b in (-1, 1)
         )
         return (corners,)
+
+    @property
+    def body_as_described(self) -> tuple[tuple[Triple, ...], ...]:
+        """Corners of the body without the pieces that are turned by half a turn; see `body`."""
+        return self.body_pieces_m or self.body[:1]
 
     @property
     def underside_m(self) -> float:

@@ -163,6 +163,9 @@ class ToolKind(StrEnum):
     SCREWDRIVER = "screwdriver"
 
 
+STANDARD_BIT_M: Final = (0.040, 0.005)
+"""Length and diameter of a bit that a task does not describe [m]."""
+
 STANDARD_CUP_M: Final = 0.016
 """Diameter of a suction cup that a task does not describe [m]."""
 
@@ -190,6 +193,20 @@ class Tool:
         Mass on the flange [kg], >= 0; None for that of the arm's hand.
     cup_m
         Diameter of a suction cup [m], > 0.
+    beyond_m
+        Distance of its tip beyond the tip of the arm [m], along the axis of the flange; negative
+        for a tool that is shorter than the arm's hand.
+    bit_m
+        Length and diameter of the bit of a screwdriver [m]; None for the standard one.
+    shapes
+        Convex shapes of its body, without bit and cups, from its tip, z towards the flange, x along
+        the closing axis; empty for a gripper and for a standard shank. A tool may be turned by half
+        a turn, so they are symmetric.
+    cups
+        Centres of the suction cups from the axis, x y [m].
+    outer_m, inner_m
+        Least and greatest width of a part that the jaws hold from outside, and of a hole that they
+        hold from inside [m]; None if it is not modelled.
     """
 
     name: str
@@ -202,6 +219,19 @@ class Tool:
     hand: Hand | None = None
     mass_kg: float | None = None
     cup_m: float = STANDARD_CUP_M
+    beyond_m: float = 0.0
+    bit_m: tuple[float, float] | None = None
+    shapes: tuple[Shape, ...] = ()
+    cups: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    outer_m: tuple[float, float] | None = None
+    inner_m: tuple[float, float] | None = None
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """Boxes about it from its tip; empty if it is not modelled, and for a gripper."""
+        if self.envelope is not None:
+            return (self.envelope,)
+        return () if self.kind is ToolKind.GRIPPER else tuple(shape.box for shape in self.shapes)
 
 
 @dataclass(frozen=True)
@@ -221,7 +251,7 @@ class Robot:
     model
         Description of the arm: joints, limits, masses, shapes and home posture.
     hand
-        Hand on the flange. The tips of all tools are where its jaws end.
+        Hand on the flange. Its jaws end at the tip of the arm.
     payload_kg
         Greatest mass at the flange, tool included [kg], > 0; None for that of the model.
     """

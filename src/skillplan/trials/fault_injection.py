@@ -110,7 +110,7 @@ def make_blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
         for height_m in (0.004, 0.008):
             yield _on_axis(motion, "under the screw", f"where {name} goes", 0.008, height_m)
     elif event in (Event.LOAD, Event.OFFLOAD):
-        x_m, y_m, z_m = motion.tip
+        x_m, y_m, z_m = motion.tool_tip
         words = f"in the holder of {motion.visit.subject}"
         # As wide as the open hand, so that its jaws cannot straddle it.
         size_xy = (0.100, 0.030)
@@ -158,7 +158,7 @@ def _make_near_miss(
 ) -> Block:
     """Return a light block near a motion, with its top above the tip of the hand by `above_m`."""
     yaw_rad = motion.closing_yaw_rad
-    x_m, y_m = _shift(motion.tip, yaw_rad, along_m, across_m)
+    x_m, y_m = _shift(motion.tool_tip, yaw_rad, along_m, across_m)
     towards = _name_direction(
         yaw_rad,
         round(math.copysign(1, along_m)) if along_m else 0,
@@ -166,7 +166,7 @@ def _make_near_miss(
     )
     where = f"{towards} of {motion.visit.subject}, {words}"
     size_xy = (_BLOCK_M, _BLOCK_M)
-    top_m = motion.tip[2] + above_m
+    top_m = motion.tool_tip[2] + above_m
     return Block(_NEAR_MISS, where, x_m, y_m, yaw_rad, size_xy, top_m, _LIGHT_KG)
 
 
@@ -179,16 +179,16 @@ def _block_jaws(motion: LinearMotion, grasp: Grasp) -> Iterator[Block]:
             light = mass_kg == _LIGHT_KG
             # A light block is hit near its edge, so that it may tip and be swept aside.
             along_m = _BEHIND_JAW_M + _BLOCK_M / 2 + (0.0025 if light else 0.0)
-            x_m, y_m = _shift(motion.tip, yaw_rad, side * (grasp.width_m / 2 + along_m), 0.0)
+            x_m, y_m = _shift(motion.tool_tip, yaw_rad, side * (grasp.width_m / 2 + along_m), 0.0)
             words = f"{towards} of {name}, {1000 * depth_m:.0f} mm into a finger's way"
             words += ", light" if light else ""
             kind = "light, beside" if light else "beside"
-            top_m = motion.tip[2] + depth_m
+            top_m = motion.tool_tip[2] + depth_m
             yield Block(kind, words, x_m, y_m, yaw_rad, (_BLOCK_M, _BLOCK_M), top_m, mass_kg)
         # The palm is rounded: the block is well within its outline, and deeper than for a finger.
-        top_m = motion.tip[2] + STANDARD_HAND.tip_m - STANDARD_HAND.underside_m + 0.008
+        top_m = motion.tool_tip[2] + STANDARD_HAND.tip_m - STANDARD_HAND.underside_m + 0.008
         along_m = grasp.width_m / 2 + _BEHIND_JAW_M
-        x_m, y_m = _shift(motion.tip, yaw_rad, along_m, side * 0.018)
+        x_m, y_m = _shift(motion.tool_tip, yaw_rad, along_m, side * 0.018)
         words = f"{_name_direction(yaw_rad, across=side)} of {name}, 8 mm into the palm's way"
         yield Block("tall", words, x_m, y_m, yaw_rad, (_BLOCK_M, _BLOCK_M), top_m, _HEAVY_KG)
 
@@ -219,7 +219,7 @@ def _block_place(motion: LinearMotion, body: Body) -> Iterator[Block]:
 
 def _on_axis(motion: LinearMotion, kind: str, where: str, side_m: float, height_m: float) -> Block:
     """Return a block on the axis of a motion, at its end."""
-    x_m, y_m, z_m = motion.tip if motion.visit.event is Event.GRASP else motion.visit.position
+    x_m, y_m, z_m = motion.tool_tip if motion.visit.event is Event.GRASP else motion.visit.position
     words = f"{where}, {1000 * height_m:.0f} mm high"
     yaw_rad = motion.closing_yaw_rad
     return Block(kind, words, x_m, y_m, yaw_rad, (side_m, side_m), z_m + height_m, _HEAVY_KG)
@@ -321,7 +321,7 @@ def _add_block(
     if floor_m is None or block.top_m - floor_m < LEAST_HIT_M:
         return None
     # A block at the safe height would be hit by the transfer motion, or before it.
-    if block.top_m > motion.above[2] - (motion.tip[2] - motion.visit.position[2]) - 0.02:
+    if block.top_m > motion.above[2] - (motion.tool_tip[2] - motion.visit.position[2]) - 0.02:
         return None
     height_m = block.top_m - floor_m
     pose = Pose.upright((block.x_m, block.y_m, floor_m), block.yaw_rad)

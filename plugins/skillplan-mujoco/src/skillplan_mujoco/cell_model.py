@@ -143,11 +143,15 @@ class SolidMass:
 def compute_hand_masses(hand: Hand) -> dict[str, SolidMass]:
     """Return the masses of a hand and its jaws by name."""
     size = (2 * hand.half_width_m, 2 * hand.half_length_m, hand.underside_m)
-    masses = {HAND: _make_box_mass(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)}
+    masses = {
+        HAND: _make_box_mass(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.arm_tip_m), size)
+    }
     height_m, thick_m = hand.jaw_m[-1][0], hand.jaw_m[-1][3]
     size = (2 * hand.jaw_half_width_m, thick_m, height_m)
     for side, name in zip(_JAW_SIDES, FINGERS, strict=True):
-        masses[name] = _make_box_mass(_JAW_KG, (0.0, side * thick_m / 2, -height_m / 2), size)
+        masses[name] = _make_box_mass(
+            _JAW_KG, (0.0, side * thick_m / 2, hand.beyond_m - height_m / 2), size
+        )
     return masses
 
 

@@ -194,7 +194,8 @@ class GravityCheck:
         """Yield the loads at the tip: tool and carried body."""
         tool_kg = self.robot.tool_kg(motion.tool)
         if tool_kg:
-            yield tool_kg, np.array([0.0, 0.0, -self.arm.hand.tip_m / 2])
+            beyond_m = 0.0 if motion.tool is None else motion.tool.beyond_m
+            yield tool_kg, np.array([0.0, 0.0, (beyond_m - self.arm.hand.tip_m) / 2])
         if carried is not None:
             body = self.scene.body(carried)
             yield body.mass_kg, self._centre(motion, body)
@@ -202,7 +203,7 @@ class GravityCheck:
     def _centre(self, motion: LinearMotion, body: Body) -> Vector:
         """Return the centre of mass of a body in the hand, in the frame of the tip [m]."""
         if body.name != motion.visit.subject:
-            return np.zeros(3)
+            return np.array([0.0, 0.0, 0.0 if motion.tool is None else motion.tool.beyond_m])
         centre = compute_mass_properties(body).centre
         in_world = np.array(motion.visit.pose.rotation) @ centre + motion.visit.pose.position
         tip = Pose(motion.tip, motion.orientation)

@@ -21,7 +21,7 @@ from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import AXES, Event
 from skillplan.task.pose import Point, Pose, cross, plus
 from skillplan.task.scene import WORLD, Robot, Scene, Tool, ToolKind
-from skillplan.task.shape import Cylinder, Shape
+from skillplan.task.shape import Cylinder, Mesh, Shape
 from skillplan_pinocchio.motion_plan import get_spared_bodies
 from skillplan_pinocchio.shapes import (
     Array,
@@ -93,26 +93,33 @@ def build_hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple
         return ()
     hand = robot.hand_of(tool)
     if tool is None or tool.kind is ToolKind.GRIPPER:
-        fingers = (_make_finger(hand, opening_m / 2, 1), _make_finger(hand, opening_m / 2, -1))
+        fingers = tuple(
+            finger for side in (1, -1) for finger in _make_fingers(hand, opening_m / 2, side)
+        )
         return (HandPart("a finger", fingers), HandPart("the hand", _make_body(hand)))
+    ends_at = np.array([0.0, 0.0, -tool.beyond_m])
     shapes = build_tool_shapes(tool, robot.hand)
-    return (HandPart(tool.name, tuple(_get_corners(shape) for shape in shapes)),)
+    return (HandPart(tool.name, tuple(_get_corners(shape) + ends_at for shape in shapes)),)
 
 
 def _make_body(hand: Hand) -> tuple[Array, ...]:
     pieces = (np.array(corners).T for corners in hand.body)
     return tuple(
-        np.column_stack([along, across, hand.tip_m - depth_m]) for along, across, depth_m in pieces
+        np.column_stack([along, across, hand.arm_tip_m - depth_m])
+        for along, across, depth_m in pieces
     )
 
 
-def _make_finger(hand: Hand, face_m: float, side: int) -> Array:
-    """Return a jaw; the other side is the same, turned by half a turn."""
-    behind, across, height_m = np.array(hand.jaw).T
-    return np.column_stack([side * (face_m + behind), side * across, height_m])
+def _make_fingers(hand: Hand, face_m: float, side: int) -> Iterator[Array]:
+    """Yield the pieces of a jaw; the other side is the same, turned by half a turn."""
+    for piece in hand.jaw:
+        behind, across, height_m = np.array(piece).T
+        yield np.column_stack([side * (face_m + behind), side * across, height_m - hand.beyond_m])
 
 
 def _get_corners(shape: Shape) -> Array:
+    if isinstance(shape, Mesh):
+        return np.array(shape.corners)
     return (
         compute_cylinder_corners(shape)
         if isinstance(shape, Cylinder)
@@ -157,7 +164,9 @@ class HandSweeps:
                 for grasp in body.grasps or (choose_grasp(body),):
                     away = np.linalg.norm(corners - np.array(grasp.tip), axis=1)
                     widest_m.append(float(away.max()))
-        return max(widest_m, default=0.0)
+        # The end of a shorter tool sinks less than so far as the hand tilts.
+        short_m = max((-tool.beyond_m for tool in self.robot.tools), default=0.0)
+        return max(widest_m, default=0.0) + max(short_m, 0.0)
 
     def held(
         self, motion: LinearMotion, begin: Point

@@ -89,6 +89,10 @@ class Stands:
 
     def _compute(self, fact: str, position: Point) -> Stand:
         motion = self._last.get(fact)
+        tool = self.robot.tool(self.task.initial)
+        if motion is None and tool is not None and tool.beyond_m:
+            x_m, y_m, z_m = position
+            position = (x_m, y_m, z_m + tool.beyond_m)
         if motion is not None:
             position = motion.ends_at
             elbows = self.planner.plan(motion).elbows

@@ -139,12 +139,12 @@ def _write_text(description: ArmDescription, tip: Transform, hand: Hand, *, shap
 
 def _compute_hand_inertia(hand: Hand) -> LinkInertia:
     size = (2 * hand.half_width_m, 2 * hand.half_length_m, hand.underside_m)
-    return _compute_box_inertia(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)
+    return _compute_box_inertia(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.arm_tip_m), size)
 
 
 def _compute_jaw_inertia(hand: Hand, side: int) -> LinkInertia:
     height_m, thick_m = hand.jaw_m[-1][0], hand.jaw_m[-1][3]
-    centre = (0.0, side * thick_m / 2, -height_m / 2)
+    centre = (0.0, side * thick_m / 2, hand.beyond_m - height_m / 2)
     return _compute_box_inertia(_JAW_KG, centre, (2 * hand.jaw_half_width_m, thick_m, height_m))
 
 

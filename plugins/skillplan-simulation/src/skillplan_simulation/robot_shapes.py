@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.physics.linear_motions import build_tool_shapes
 from skillplan.robots.arm_description import Hand, Hull, LinkShape
+from skillplan.task.pose import Point
 from skillplan.task.scene import Body, Box, Robot, Tool, ToolKind
 
 _TOOL_KG = 0.3
@@ -45,21 +46,21 @@ def list_hands(robot: Robot) -> tuple[Hand, ...]:
 def make_tool_body(tool: Tool, hand: Hand) -> Body | None:
     """Return a tool as a body with its origin at the tip; None for the hand itself."""
     shapes = build_tool_shapes(tool, hand)
-    return Body(tool.name, shapes, (), _TOOL_KG) if shapes else None
+    return Body(tool.name, shapes, (), tool.mass_kg or _TOOL_KG) if shapes else None
 
 
 def make_tool_boxes(tool: Tool | None, hand: Hand) -> Sequence[Box]:
-    """Return boxes about a tool, from its tip; for a gripper, about the open hand."""
+    """Return boxes about a tool, from the arm's tip; for a gripper, about the open hand."""
     if tool is None:
         return ()
     shapes = build_tool_shapes(tool, hand)
     if shapes:
-        return [shape.box for shape in shapes]
+        return [_lower(shape.box, tool.beyond_m) for shape in shapes]
     return list(make_hand_boxes(hand, hand.opening_m))
 
 
 def make_hand_boxes(hand: Hand, opening_m: float) -> Iterable[Box]:
-    """Return boxes about jaws and hand, from the tip, x along the closing axis."""
+    """Return boxes about jaws and hand, from the arm's tip, x along the closing axis."""
     boxes = []
     for below, above in pairwise(hand.jaw_m):
         low_m, high_m = below[0], above[0]
@@ -75,12 +76,17 @@ def make_hand_boxes(hand: Hand, opening_m: float) -> Iterable[Box]:
     high_m = hand.tip_m + _HAND_ABOVE_M
     size = (2 * hand.half_length_m, 2 * hand.half_width_m, high_m - low_m)
     boxes.append(Box(size, (0.0, 0.0, (low_m + high_m) / 2)))
-    return boxes
+    return [_lower(box, hand.beyond_m) for box in boxes]
+
+
+def _lower(box: Box, by_m: float) -> Box:
+    x_m, y_m, z_m = box.centre
+    return Box(box.size, (x_m, y_m, z_m - by_m)) if by_m else box
 
 
 def make_wrist_box(hand: Hand) -> Box:
     """Return a box about the last links of the arm above the hand, in any posture."""
-    low_m, high_m = hand.tip_m, hand.tip_m + _WRIST_HEIGHT_M
+    low_m, high_m = hand.arm_tip_m, hand.arm_tip_m + _WRIST_HEIGHT_M
     size = (2 * _WRIST_REACH_M, 2 * _WRIST_REACH_M, high_m - low_m)
     return Box(size, (0.0, 0.0, (low_m + high_m) / 2))
 
@@ -113,22 +119,26 @@ Piece = LinkShape | Block
 
 
 def make_body_pieces(hand: Hand) -> tuple[Piece, ...]:
-    """Return the body of a hand in the frame of the tip, z out of the hand."""
+    """Return the body of a hand in the frame of the arm's tip, z out of the hand."""
     return tuple(
-        _shrink(np.array([(across, along, depth - hand.tip_m) for along, across, depth in piece]))
+        _shrink(
+            np.array([(across, along, depth - hand.arm_tip_m) for along, across, depth in piece])
+        )
         for piece in hand.body
     )
 
 
 def make_jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
-    """Return a jaw with its end and face at the origin, z out of the hand.
+    """Return a jaw with its face at the origin, in the frame of the arm's tip, z out of the hand.
 
     Parameters
     ----------
     side
         1 for the jaw on the side of the hand's y, -1 for the other.
     """
-    low_m, high_m = hand.jaw_m[0][0], hand.jaw_m[-1][0]
+    if hand.jaw_pieces_m:
+        return tuple(_make_jaw_piece(piece, side, hand.beyond_m) for piece in hand.jaw_pieces_m)
+    low_m, high_m = hand.jaw_m[0][0] - hand.beyond_m, hand.jaw_m[-1][0] - hand.beyond_m
     half_m = min(row[1] for row in hand.jaw_m)
     near_m = max(row[2] for row in hand.jaw_m)
     far_m = min(row[3] for row in hand.jaw_m)
@@ -139,13 +149,23 @@ def make_jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
         if above[0] - below[0] <= 2 * MARGIN_M:
             continue
         corners = [
-            (x_m, side * max(y_m, near_m + _BEHIND_FACE_M), -height_m)
+            (x_m, side * max(y_m, near_m + _BEHIND_FACE_M), hand.beyond_m - height_m)
             for height_m, width_m, from_m, to_m in (below, above)
             for x_m in (-width_m, width_m)
             for y_m in (from_m, to_m)
         ]
         pieces.append(_shrink(np.array(corners)))
     return tuple(pieces)
+
+
+def _make_jaw_piece(corners: Sequence[Point], side: int, beyond_m: float) -> Piece:
+    """Return a convex piece of a jaw: a box as such, because its face has to be flat."""
+    behind, across, height_m = np.array(corners).T
+    (near_m, left_m, low_m), (far_m, right_m, high_m) = np.min(corners, 0), np.max(corners, 0)
+    if set(corners) == set(product((near_m, far_m), (left_m, right_m), (low_m, high_m))):
+        low = (float(left_m), float(near_m), float(beyond_m - high_m))
+        return _make_block(low, (float(right_m), float(far_m), float(beyond_m - low_m)), side)
+    return _shrink(np.column_stack([across, side * behind, beyond_m - height_m]))
 
 
 def _make_block(low: Sequence[float], high: Sequence[float], side: int) -> Block:

@@ -135,9 +135,9 @@ def _find_unreachable_places(config: AssemblyConfig) -> Iterator[Issue]:
     base = (robot.base_m[0], robot.base_m[1], robot.base_m[2])
     places = [*_list_places(config)]
     above: list[tuple[tuple[str | int, ...], str, float]] = []
-    for path, (x_m, y_m, z_m), lift_m in places:
-        distance_m = math.dist(base, (x_m, y_m, z_m + lift_m))
-        lifted_m = math.dist(base, (x_m, y_m, max(safe_m, z_m) + lift_m))
+    for path, (x_m, y_m, z_m), lift_m, spare_m in places:
+        distance_m = math.dist(base, (x_m, y_m, z_m + lift_m)) - spare_m
+        lifted_m = math.dist(base, (x_m, y_m, max(safe_m, z_m) + lift_m)) - spare_m
         if distance_m > reach_m:
             yield Issue(f"out of reach: {_compare_m(distance_m, reach_m)}.", path)
         elif lifted_m > reach_m:
@@ -162,33 +162,42 @@ def _compare_m(distance_m: float, reach_m: float) -> str:
     return f"{distance_m:.3f} m from the base, where {reach_m:.3f} m is the most"
 
 
-def _list_places(config: AssemblyConfig) -> Iterator[tuple[tuple[str | int, ...], Point, float]]:
-    """Yield each place that the arm goes to: key path, point, and height of the load [m]."""
+def _list_places(
+    config: AssemblyConfig,
+) -> Iterator[tuple[tuple[str | int, ...], Point, float, float]]:
+    """Yield each place that the arm goes to: key path, point, height of the arm's tip above it [m].
+
+    The last number is the distance by which a tool may bring the arm's tip nearer to the base [m]:
+    it is beyond the arm's tip, and in some direction.
+    """
     robot, layout = config.robot, get_layout(config)
+    beyond_m = {name: tool.measure_beyond_m(robot.hand) for name, tool in config.tools.items()}
+    most_m = max(map(abs, beyond_m.values()))
     # The arm is at home at the safe height only.
-    yield ("robot", "home_m"), (robot.home_m[0], robot.home_m[1], robot.base_m[2]), 0.0
+    yield ("robot", "home_m"), (robot.home_m[0], robot.home_m[1], robot.base_m[2]), 0.0, most_m
     if robot.look_m is not None:
-        yield ("robot", "look_m"), robot.look, 0.0
+        yield ("robot", "look_m"), robot.look, 0.0, most_m
     for name, tool in config.tools.items():
-        yield ("tools", name, "holder_m"), tool.holder, 0.0
+        yield ("tools", name, "holder_m"), tool.holder, beyond_m[name], 0.0
     for name, feeder in config.feeders.items():
-        yield ("feeders", name, "position_m"), feeder.position, 0.0
+        yield ("feeders", name, "position_m"), feeder.position, 0.0, most_m
     for name, part in config.moved_parts.items():
+        spare_m = abs(beyond_m[part.tool])
         if part.feeder is None:
             key = "start_m" if part.start_m is not None else "start_on"
-            yield ("parts", name, key), *_measure_load(layout.start(name), part)
-        yield ("parts", name, "goal_m"), *_measure_load(layout.goal(name), part)
+            yield ("parts", name, key), *_measure_load(layout.start(name), part, spare_m)
+        yield ("parts", name, "goal_m"), *_measure_load(layout.goal(name), part, spare_m)
     for name, screw in config.screws.items():
-        yield ("screws", name, "hole_m"), layout.hole(screw), 0.0
+        yield ("screws", name, "hole_m"), layout.hole(screw), 0.0, abs(beyond_m[screw.tool])
 
 
-def _measure_load(solid: Solid, part: PartConfig) -> tuple[Point, float]:
-    """Return the bottom of a part, and its height [m]."""
+def _measure_load(solid: Solid, part: PartConfig, spare_m: float) -> tuple[Point, float, float]:
+    """Return the bottom of a part, its height [m], and `spare_m`."""
     if solid.pose.is_upright:
-        return solid.pose.position, part.height_m
+        return solid.pose.position, part.height_m, spare_m
     x_m, y_m, _ = solid.pose.position
     low_m, high_m = solid.box.low[2], solid.box.high[2]
-    return (x_m, y_m, low_m), high_m - low_m
+    return (x_m, y_m, low_m), high_m - low_m, spare_m
 
 
 def _find_hole_issues(config: AssemblyConfig) -> Iterator[Issue]:

@@ -17,10 +17,10 @@ from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig
 from skillplan.errors import Issue
-from skillplan.physics.linear_motions import grasp_boxes
+from skillplan.physics.linear_motions import find_cup_height_m, grasp_boxes
 from skillplan.task.motion import Grasp, GraspKind
 from skillplan.task.pose import Pose, dot, plus
-from skillplan.task.scene import ToolKind
+from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind
 
 # Clearance of the open jaws, both sides together, about a part that fits between them [m].
 _PLAY_M = 0.002
@@ -74,6 +74,12 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
             kind = choose_tool_kind(config, name)
             message = f"a tool of type {kind} has no jaws. Leave it out, or give type: gripper."
             yield Issue(message, ("tools", name, "opening_m"))
+        for key in ("bit_length_m", "bit_diameter_m"):
+            kind = choose_tool_kind(config, name)
+            if getattr(tool, key) is not None and kind is not ToolKind.SCREWDRIVER:
+                message = f"a tool of type {kind} has no bit. Leave it out."
+                yield Issue(message, ("tools", name, key))
+        yield from _find_length_issues(config, name)
         if tool.cup_diameter_m is not None:
             kind = choose_tool_kind(config, name)
             if kind is not ToolKind.SUCTION:
@@ -89,6 +95,23 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
             continue
         for issue in _find_part_issues(config, name):
             yield issue.under("parts", name)
+
+
+def _find_length_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+    """Yield a tool that ends before its own parts would, seen from the flange."""
+    tool, hand = config.tools[name], config.robot.hand
+    if tool.length_m is None:
+        return
+    kind = choose_tool_kind(config, name)
+    if kind is ToolKind.GRIPPER:
+        least_m, what = hand.tip_on_flange.xyz_m[2], "the arm's hand, whose body it has"
+    elif kind is ToolKind.SUCTION:
+        least_m, what = find_cup_height_m(tool.cup_diameter_m or STANDARD_CUP_M), "its cup"
+    else:
+        least_m, what = (tool.bit_m or STANDARD_BIT_M)[0], "its bit"
+    if tool.length_m < least_m - 1e-9:
+        message = f"{tool.length_m:g} m is shorter than {what}, {least_m:g} m. Give at least that."
+        yield Issue(message, ("tools", name, "length_m"))
 
 
 def _list_choices(config: AssemblyConfig, name: str) -> list[_Choice]:

@@ -480,4 +480,6 @@ def _build_tool(config: AssemblyConfig, name: str) -> Tool:
         entry.hand_on(config.robot.hand),
         entry.mass_kg,
         STANDARD_CUP_M if entry.cup_diameter_m is None else entry.cup_diameter_m,
+        beyond_m=entry.measure_beyond_m(config.robot.hand),
+        bit_m=entry.bit_m,
     )

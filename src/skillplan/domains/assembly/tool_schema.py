@@ -20,7 +20,7 @@ from skillplan.domains.domain import Strict
 from skillplan.files.schema_errors import Located
 from skillplan.robots.arm_description import Hand
 from skillplan.task.pose import Point
-from skillplan.task.scene import STANDARD_CUP_M
+from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M
 
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
 
@@ -52,6 +52,23 @@ class ToolConfig(Strict):
         exclude_if=is_absent,
         description=f"diameter of a suction cup [m]; one narrower than {STANDARD_CUP_M:g} m has a "
         f"stem as narrow, 0.04 m long; left out: {STANDARD_CUP_M:g}",
+    )
+    length_m: Annotated[float, Field(gt=0, le=2)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="distance from the flange to its tip along the axis of the flange [m]: the "
+        "ends of the jaws, the rim of the cup, the end of the bit; left out: that of the arm's "
+        "hand, 0.112 for most",
+    )
+    bit_length_m: Annotated[float, Field(ge=1e-3, le=1)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="length of the bit of a screwdriver below its body [m]; left out: 0.04",
+    )
+    bit_diameter_m: Annotated[float, Field(ge=5e-4, le=0.1)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="diameter of the bit of a screwdriver [m]; left out: 0.005",
     )
     holder_m: Planar = Field(description="place of its holder, x y [m]")
     holder_height_m: Height = Field(0.0, description="height of the holder [m]")
@@ -89,12 +106,39 @@ class ToolConfig(Strict):
         """Position of its holder [m]."""
         return (self.holder_m[0], self.holder_m[1], self.holder_height_m)
 
+    @property
+    def bit_m(self) -> tuple[float, float] | None:
+        """Length and diameter of the bit [m]; None for the standard one."""
+        if self.bit_length_m is None and self.bit_diameter_m is None:
+            return None
+        length_m = STANDARD_BIT_M[0] if self.bit_length_m is None else self.bit_length_m
+        diameter_m = STANDARD_BIT_M[1] if self.bit_diameter_m is None else self.bit_diameter_m
+        return (length_m, diameter_m)
+
+    def measure_beyond_m(self, hand: Hand) -> float:
+        """Return the distance of its tip beyond the jaws' ends of the arm's hand [m]."""
+        return 0.0 if self.length_m is None else self.length_m - hand.tip_on_flange.xyz_m[2]
+
     def hand_on(self, hand: Hand) -> Hand | None:
         """Return the hand that this tool replaces the arm's hand by, or None."""
-        if self.jaw_profile_m is None:
+        beyond_m = self.measure_beyond_m(hand)
+        if self.jaw_profile_m is None and not beyond_m:
             return None
-        jaw = tuple((row[0], row[1], row[2], row[3]) for row in self.jaw_profile_m)
         opening_m = self.opening_m or hand.opening_m
         force_n = self.force_n if self.force_n is not None else hand.force_n
         assert math.isfinite(force_n)
-        return replace(hand, jaw_m=jaw, jaw_corners_m=(), opening_m=opening_m, force_n=force_n)
+        rows = hand.jaw_m if self.jaw_profile_m is None else self.jaw_profile_m
+        jaw = [(row[0], row[1], row[2], row[3]) for row in rows]
+        if beyond_m:
+            # The fingers reach up to the hand.
+            height_m, *section = jaw[-1]
+            jaw.append((height_m + beyond_m, section[0], section[1], section[2]))
+        return replace(
+            hand,
+            jaw_m=tuple(jaw),
+            jaw_corners_m=(),
+            opening_m=opening_m,
+            force_n=force_n,
+            tip_m=hand.tip_m + beyond_m,
+            beyond_m=beyond_m,
+        )

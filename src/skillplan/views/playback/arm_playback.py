@@ -187,37 +187,48 @@ class _ArmPlayback:
         tip = flange @ make_matrix(hand.tip_on_flange)
         attached = self._attached()
         grips = np.array([tool is None or tool.kind is ToolKind.GRIPPER for tool in attached])
-        self._add_gripper(hand, hand_frames, grips)
+        hands = [self.robot.hand_of(tool) for tool in attached]
+        for order, worn in enumerate(dict.fromkeys([hand, *hands])):
+            worn_now = np.array([other == worn for other in hands]) & grips
+            self._add_gripper(worn, hand_frames, worn_now, f" {order + 1}" if order else "")
         for tool in self.robot.tools:
             shapes = [self.playback.solid(shape) for shape in build_tool_shapes(tool, hand)]
             if not shapes:
                 continue
             on = np.array([other is not None and other.name == tool.name for other in attached])
-            rows = make_rows(tip @ _FLIP)
+            ends_at = tip.copy()
+            ends_at[:, :3, 3] += tool.beyond_m * tip[:, :3, 2]
+            rows = make_rows(ends_at @ _FLIP)
             rows[~on] = [*tool.holder, 0.0, 0.0, 0.0, 1.0]
             self.playback.add_body(tool.name, "tool", shapes, rows=rows, label=True)
         number = self.playback.add_body(f"{self.robot.name} tip", "link", [], rows=make_rows(tip))
         self.playback.arms.append({"name": self.robot.name, "tip_track": number})
 
-    def _add_gripper(self, hand: Hand, frames: Numbers, shown: np.ndarray) -> None:
+    def _add_gripper(self, hand: Hand, frames: Numbers, shown: np.ndarray, suffix: str) -> None:
         if not shown.any():
             return
-        body = [(across, along, deep) for along, across, deep in hand.body[0]]
+        bodies = [
+            [(across, along, deep) for along, across, deep in piece]
+            for piece in hand.body_as_described
+        ]
         rows = make_rows(frames)
         rows[~shown] = np.nan
-        shape = self.playback.mesh(*build_hull_mesh(body))
-        name = f"{self.robot.name} hand"
-        self.playback.add_body(name, "link", [shape], rows=rows, color=_ARM)
+        shapes = [self.playback.mesh(*build_hull_mesh(body)) for body in bodies]
+        name = f"{self.robot.name} hand{suffix}"
+        self.playback.add_body(name, "link", shapes, rows=rows, color=_ARM)
         opening = np.array([sample.opening_m for sample in self.samples])
         for side, word in ((1, "left"), (-1, "right")):
-            corners = [(a, side * behind, hand.tip_m - up) for behind, a, up in hand.jaw]
+            jaws = [
+                [(a, side * behind, hand.tip_m - up) for behind, a, up in piece]
+                for piece in hand.jaw
+            ]
             moved = frames.copy()
             moved[:, :3, 3] += (side * opening / 2)[:, None] * frames[:, :3, 1]
             rows = make_rows(moved)
             rows[~shown] = np.nan
-            shape = self.playback.mesh(*build_hull_mesh(corners))
-            name = f"{self.robot.name} {word} jaw"
-            self.playback.add_body(name, "link", [shape], rows=rows, color=_JAWS)
+            shapes = [self.playback.mesh(*build_hull_mesh(jaw)) for jaw in jaws]
+            name = f"{self.robot.name} {word} jaw{suffix}"
+            self.playback.add_body(name, "link", shapes, rows=rows, color=_JAWS)
 
     def _attached(self) -> list[Tool | None]:
         """Return the tool of every frame; it changes at the lowest point of a tool change."""

@@ -65,12 +65,18 @@ class ToolChanger:
         return names
 
     def tool_pose(self) -> Pose:
-        """Return the pose of the attached tool: origin at the tip, z towards the flange.
+        """Return the pose of the attached tool: origin at its tip, z towards the flange.
 
         It is upright if the hand points down; its x is along the closing axis.
         """
         tip = self.arm.tip()
-        return make_pose(tip.position, tip.rotation[:, [1, 0, 2]] * _BACKWARDS)
+        return make_pose(self.tool_tip(), tip.rotation[:, [1, 0, 2]] * _BACKWARDS)
+
+    def tool_tip(self) -> Vector:
+        """Return the position of the tip of the attached tool, or of the bare arm [m]."""
+        tip = self.arm.tip()
+        beyond_m = 0.0 if self.tool is None else self.tool.beyond_m
+        return tip.position + beyond_m * tip.rotation[:, 2] if beyond_m else tip.position
 
     def detach(self) -> None:
         """Leave the tool in its dock."""

@@ -51,7 +51,7 @@ def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> 
     # The pose in the hand is that of the driven screw.
     in_hand = times(turned.T, convert_quaternion(driven.visit.pose.orientation))
     rotation = times(tip.rotation, in_hand)
-    end = tip.position - body.height_m * rotation[:, 2]
+    end = robot.tools.tool_tip() - body.height_m * rotation[:, 2]
     world.add(body, make_pose(end, rotation))
     world.weigh(screw, _HELD_SCREW_KG)
     robot.bind(screw)
@@ -214,7 +214,8 @@ class SkillRunner(ControlledRobot):
         turned = times(tip.rotation, planned.rotation.T)
         rotation = times(turned, convert_quaternion(visit.pose.orientation))
         away = np.array(grasp.tip)
-        origin = tip.position - times(rotation, away) + self._gap_m(motion) * tip.rotation[:, 2]
+        held_m = self.tools.tool_tip() + self._gap_m(motion) * tip.rotation[:, 2]
+        origin = held_m - times(rotation, away)
         if subject not in self.world.numbers:
             body = self.scene.body(subject)
             self.world.add(body, make_pose(origin, rotation))

@@ -70,16 +70,21 @@ def make_link_surface(shapes: Iterable[LinkShape]) -> Surface:
 
 
 def make_hand_surface(hand: Hand) -> Surface:
-    """Return the surface of a hand's body, in the frame of the tip."""
-    # The first piece is the described body.
-    corners = [(across, along, deep - hand.tip_m) for along, across, deep in hand.body[0]]
-    return _make_surface([_triangulate_hull(corners)])
+    """Return the surface of a hand's body, in the frame of the arm's tip."""
+    pieces = [
+        [(across, along, deep - hand.arm_tip_m) for along, across, deep in piece]
+        for piece in hand.body_as_described
+    ]
+    return _make_surface([_triangulate_hull(corners) for corners in pieces])
 
 
 def make_finger_surface(hand: Hand, side: int) -> Surface:
-    """Return the surface of a closed jaw in the frame of the tip; its side is 1 or -1."""
-    corners = [(across, side * behind, -up) for behind, across, up in hand.jaw]
-    return _make_surface([_triangulate_hull(corners)])
+    """Return the surface of a closed jaw in the frame of the arm's tip; its side is 1 or -1."""
+    pieces = [
+        [(across, side * behind, hand.beyond_m - up) for behind, across, up in piece]
+        for piece in hand.jaw
+    ]
+    return _make_surface([_triangulate_hull(corners) for corners in pieces])
 
 
 def _make_surface(triangles: Sequence[Corners]) -> Surface:
