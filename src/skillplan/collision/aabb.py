@@ -34,6 +34,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan.task.zone import Mover, Zone, list_keep_outs
 
 # Clearance between a hand and a part that it approaches from the side or inserts [m].
 _STANDOFF_M = 0.02
@@ -48,6 +49,7 @@ class Sweep:
     boxes: tuple[WorldBox, ...]
     by: Point
     spares: frozenset[str]
+    is_load: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +140,7 @@ def _sweep_load(
     spares = frozenset({visit.subject} | ({body.name} if body is not None else set()))
     if body is not None:
         boxes = world_boxes(body, Pose(origin, visit.pose.orientation))
-        yield Sweep(label, body.name, boxes, by, spares)
+        yield Sweep(label, body.name, boxes, by, spares, is_load=True)
     if tool is not None and tool.boxes:
         moved = plus(origin, visit.position, -1.0)
         boxes = tuple(_place_tool_box(scene, visit, load, box, moved) for box in tool.boxes)
@@ -220,9 +222,9 @@ _TURNED_RAD = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class _Hit:
-    """A collision in all states with the fact."""
+    """A collision in all states with the fact; with None in all states."""
 
-    fact: str
+    fact: str | None
     obstacle: str
     sweep: Sweep
 
@@ -285,6 +287,8 @@ class AabbDetector(Detector):
                 box.high[2] > robot.safe_height_m + self.options.tolerance_m
                 for _, _, boxes in self._solids(frozenset())
                 for box in boxes
+            ) or any(
+                zone.keeps_out and zone.high_m > robot.safe_height_m for zone in task.scene.zones
             )
 
     def beside(self, others: Sequence[BackEnd]) -> None:
@@ -298,7 +302,11 @@ class AabbDetector(Detector):
         """Return that the arm is not checked, unless another back end checks it."""
         if self._arm_is_checked:
             return ()
-        return ("the arm's links, fingers and postures: aabb checks boxes of parts and tools",)
+        closed = [zone.name for zone in list_keep_outs(self.task.scene, "arm")]
+        zones = f"; in {', '.join(closed)} it misses all else of the arm" if closed else ""
+        return (
+            f"the arm's links, fingers and postures: aabb checks boxes of parts and tools{zones}",
+        )
 
     def refuses(self) -> str | None:
         """Refuse bodies and directions oblique to the axes, whose boxes are too large."""
@@ -351,8 +359,8 @@ class AabbDetector(Detector):
         swept = self._swept_motion(skill, state)
         present, absent = swept.present, swept.absent
         for hit in swept.hits:
-            fact = facts.of(hit.fact)
-            if hit.fact in state:
+            fact = facts.none if hit.fact is None else facts.of(hit.fact)
+            if hit.fact is None or hit.fact in state:
                 return Verdict.infeasible(
                     f"{hit.sweep.mover} runs into {hit.obstacle} on {hit.sweep.label}",
                     present | fact,
@@ -435,6 +443,12 @@ class AabbDetector(Detector):
                 ):
                     seen.add(key)
                     yield _Hit(placement.fact, body.name, sweep)
+            mover: Mover = "load" if sweep.is_load else "arm"
+            for zone in list_keep_outs(self.task.scene, mover):
+                if any(
+                    _enters(box, sweep.by, zone, self.options.tolerance_m) for box in sweep.boxes
+                ):
+                    yield _Hit(None, zone.label, sweep)
 
     def _solids(
         self, spares: frozenset[str]
@@ -496,6 +510,14 @@ def _overlap(box: WorldBox, other: WorldBox) -> bool:
         low <= top and bottom <= high
         for low, high, bottom, top in zip(box.low, box.high, other.low, other.high, strict=True)
     )
+
+
+def _enters(box: WorldBox, by: Point, zone: Zone, tolerance_m: float) -> bool:
+    """Return True if a box enters a zone on its way; exact if it rises, sinks or stays level."""
+    xs, ys = (box.low[0], box.high[0]), (box.low[1], box.high[1])
+    footprint = [(x + share * by[0], y + share * by[1]) for share in (0, 1) for x in xs for y in ys]
+    low_m, high_m = box.low[2] + min(0.0, by[2]), box.high[2] + max(0.0, by[2])
+    return zone.meets(footprint, low_m, high_m, tolerance_m)
 
 
 def _list_visits(task: Task) -> Iterator[tuple[str, Visit]]:

@@ -31,6 +31,7 @@ from .scene import Robot as Robot
 from .scene import Scene as Scene
 from .scene import Tool as Tool
 from .scene import ToolKind as ToolKind
+from .scene import Zone as Zone
 from .shape import Box as Box
 from .shape import Cylinder as Cylinder
 from .shape import Mesh as Mesh
@@ -97,6 +98,7 @@ __all__ = [
     "VerdictStatus",
     "Visit",
     "WeightedCost",
+    "Zone",
     "compute_planar_distance",
     "cross",
     "dot",

@@ -15,6 +15,7 @@ from typing import Protocol, runtime_checkable
 
 from skillplan.task.motion import Motion, Point
 from skillplan.task.state import State
+from skillplan.task.zone import SlowTravel
 
 
 @runtime_checkable
@@ -124,6 +125,8 @@ class DistanceCost:
     behind_m
         Distances to places that are not counted yet [m], >= 0, by bit. The next skill counts them,
         such as the path of a grasp that failed.
+    slow
+        Additional cost of travels through zones with a speed limit; None for no such zone.
     """
 
     places: Mapping[int, Point] = field(hash=False)
@@ -131,10 +134,14 @@ class DistanceCost:
     per_m: float = 1.0
     dwells: bool = False
     behind_m: Mapping[int, float] = field(default_factory=dict, hash=False)
+    slow: SlowTravel | None = field(default=None, hash=False, compare=False)
     _starts: Mapping[int, tuple[float, float, float]] = field(init=False, repr=False, compare=False)
     _places_mask: int = field(init=False, repr=False, compare=False)
     _routes: tuple[tuple[int, float, float, float, float], ...] = field(
         init=False, repr=False, compare=False
+    )
+    _slow_s: dict[tuple[float, float, float, float], float] = field(
+        init=False, repr=False, compare=False, default_factory=dict
     )
 
     def __post_init__(self) -> None:
@@ -158,6 +165,8 @@ class DistanceCost:
             points = [visit.position for visit in route.visits]
             beyond = sum(compute_planar_distance(a, b) for a, b in pairwise(points))
             dwell_s = math.fsum(visit.dwell_s for visit in route.visits) if self.dwells else 0.0
+            if self.slow is not None:
+                dwell_s += self.slow.cost_s(*points)
             routes.append((route.when.bits, points[0][0], points[0][1], beyond, dwell_s))
         object.__setattr__(self, "_places_mask", mask)
         object.__setattr__(self, "_routes", tuple(routes))
@@ -177,7 +186,8 @@ class DistanceCost:
         for when, x_m, y_m, beyond_m, dwell_s in self._routes:
             if bits & when == when:
                 length_m = math.hypot(x_m - start[0], y_m - start[1]) + beyond_m + start[2]
-                return dwell_s + self.per_m * length_m
+                slow_s = 0.0 if self.slow is None else self._slow_to(start, x_m, y_m)
+                return dwell_s + slow_s + self.per_m * length_m
         raise ValueError(f"No route of {self.motion.robot!r} fits the state {state}.")
 
     def least(self, true_bits: int, false_bits: int) -> float:
@@ -185,6 +195,7 @@ class DistanceCost:
         return min(
             (
                 dwell_s
+                + (0.0 if self.slow is None else self._slow_to(start, x_m, y_m))
                 + self.per_m * (math.hypot(x_m - start[0], y_m - start[1]) + beyond_m + start[2])
                 for when, x_m, y_m, beyond_m, dwell_s in self._routes
                 if not when & false_bits
@@ -192,6 +203,14 @@ class DistanceCost:
             ),
             default=math.inf,
         )
+
+    def _slow_to(self, start: tuple[float, float, float], x_m: float, y_m: float) -> float:
+        """Return the additional cost from a place to the first visit."""
+        assert self.slow is not None
+        key = (start[0], start[1], x_m, y_m)
+        if key not in self._slow_s:
+            self._slow_s[key] = self.slow.cost_s((*key[:2], 0.0), (*key[2:], 0.0))
+        return self._slow_s[key]
 
     def _open_places(self, true_bits: int, false_bits: int) -> Iterator[tuple[float, float, float]]:
         known = true_bits & self._places_mask

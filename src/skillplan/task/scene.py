@@ -18,6 +18,7 @@ from skillplan.task.motion import Grasp, GraspKind
 from skillplan.task.pose import Point, Pose, Quaternion, dot
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan.task.state import State
+from skillplan.task.zone import Zone
 
 __all__ = [
     "WORLD",
@@ -35,6 +36,7 @@ __all__ = [
     "Shape",
     "Tool",
     "ToolKind",
+    "Zone",
 ]
 
 WORLD = "world"
@@ -332,13 +334,18 @@ class Scene:
     robots: tuple[Robot, ...]
     stations: Mapping[str, Point] = field(default_factory=dict)
     frames: Mapping[str, Pose] = field(default_factory=dict)
+    zones: tuple[Zone, ...] = ()
 
     def __repr__(self) -> str:
         bodies = ", ".join(body.name for body in self.bodies)
         return f"<Scene of {', '.join(robot.name for robot in self.robots)}: {bodies}>"
 
     def __post_init__(self) -> None:
-        for kind, items in (("bodies", self.bodies), ("robots", self.robots)):
+        for kind, items in (
+            ("bodies", self.bodies),
+            ("robots", self.robots),
+            ("zones", self.zones),
+        ):
             names = [item.name for item in items]
             if len(set(names)) != len(names):
                 raise ValueError(f"Scene {kind} must have distinct names, not {names}.")

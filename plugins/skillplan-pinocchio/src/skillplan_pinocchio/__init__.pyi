@@ -49,6 +49,7 @@ from .support import intersect as intersect
 from .sweep import Sweep as Sweep
 from .swept import SweptDetector as SweptDetector
 from .timing.skill_times import bound_duration_s as bound_duration_s
+from .timing.slow_zones import SlowZones as SlowZones
 from .timing.trajectory import JointLimits as JointLimits
 from .timing.trajectory import find_fastest_trajectory as find_fastest_trajectory
 
@@ -70,6 +71,7 @@ __all__ = [
     "Obstacle",
     "SelfCheck",
     "SerialArm",
+    "SlowZones",
     "Strokes",
     "SurfacePiece",
     "Sweep",

@@ -252,7 +252,7 @@ class HandSweeps:
             return
         offset = _subtract(motion.grasp_tip, begin)
         pieces = make_pieces(self.scene.body(carried), motion.visit.pose.moved(offset))
-        yield Sweep(label, carried, pieces, by, get_spared_bodies(motion))
+        yield Sweep(label, carried, pieces, by, get_spared_bodies(motion), is_load=True)
 
     def _hands(
         self, label: str, motion: LinearMotion, begin: Point, by: Point, *, after: bool

@@ -468,6 +468,7 @@ class MotionPlanner:
             (obstacle, touch)
             for obstacle in self.obstacles
             if obstacle.body not in spares
+            and obstacle.stops(load=False)
             and (touch := sweep.touch(obstacle, self.tolerance_m, self.samples)) is not None
         ]
         return tuple(sorted(touches, key=lambda pair: pair[1].touch.fraction))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.task.motion import Point
-from skillplan.task.scene import WORLD, Body, Pose, Scene
+from skillplan.task.scene import WORLD, Body, Pose, Scene, Zone
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.kinematics.fixed_order import times
 
@@ -229,11 +229,18 @@ class Obstacle:
     ----------
     fact
         Fact that holds while it is there; None for a permanent body.
+    zone
+        Zone that it stands for; None for a body. A zone bears nothing and may let arm or load in.
     """
 
     body: str
     fact: str | None
     pieces: tuple[ConvexPiece, ...]
+    zone: Zone | None = None
+
+    def stops(self, *, load: bool) -> bool:
+        """Return whether the load, or otherwise the arm, must not touch it."""
+        return self.zone is None or ("load" if load else "arm") in self.zone.keeps_out
 
     @property
     def top_m(self) -> float:
@@ -242,7 +249,7 @@ class Obstacle:
 
 
 def collect_obstacles(scene: Scene) -> tuple[Obstacle, ...]:
-    """Return the table and all bodies at all their solid places."""
+    """Return the table, all bodies at all their solid places, and keep-out zones."""
     return (
         Obstacle(TABLE, None, (make_table(),)),
         *(
@@ -251,4 +258,15 @@ def collect_obstacles(scene: Scene) -> tuple[Obstacle, ...]:
             for placement in body.placements
             if placement.solid and placement.frame == WORLD
         ),
+        *(make_zone_obstacle(zone) for zone in scene.zones if zone.keeps_out),
     )
+
+
+def make_zone_obstacle(zone: Zone) -> Obstacle:
+    """Return a keep-out zone as a permanent obstacle."""
+    ends_m = (zone.low_m, zone.high_m)
+    prisms = (
+        np.array([(x, y, z) for z in ends_m for x, y in corners], dtype=float)
+        for corners in zone.pieces
+    )
+    return Obstacle(zone.label, None, tuple(ConvexPiece(prism) for prism in prisms), zone)

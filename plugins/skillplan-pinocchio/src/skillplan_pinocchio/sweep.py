@@ -44,6 +44,8 @@ class Sweep:
         Displacement [m].
     spares
         Bodies that may be touched.
+    is_load
+        True for the carried body, False for hand and tool.
     """
 
     def __init__(
@@ -53,11 +55,14 @@ class Sweep:
         pieces: tuple[ConvexPiece, ...],
         by: Point,
         spares: frozenset[str],
+        *,
+        is_load: bool = False,
     ) -> None:
         self.label = label
         self.mover = mover
         self.pieces = pieces
         self.by = by
+        self.is_load = is_load
         self.spares = spares
         self._swept = tuple(piece.swept(by) for piece in pieces)
 

@@ -48,6 +48,7 @@ from skillplan_pinocchio.swept_motion import (
 from skillplan_pinocchio.tight_fits import describe_assumed_play, find_tight_fits
 from skillplan_pinocchio.timing.kinematic_run import KinematicRun
 from skillplan_pinocchio.timing.skill_times import LeastTimes, SkillTimes
+from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_pinocchio.timing.trajectory import JointLimits
 
 # Number of postures in which a travel is drawn.
@@ -357,7 +358,8 @@ class SweptDetector(Detector):
     @cached_property
     def _times(self) -> SkillTimes:
         fraction = self.options.speed_fraction
-        return SkillTimes(JointLimits.of(self._robot.model).scaled(fraction))
+        limits = JointLimits.of(self._robot.model).scaled(fraction)
+        return SkillTimes(limits, SlowZones.of(self.task.scene, self._robot))
 
     @cached_property
     def _least_times(self) -> LeastTimes:

@@ -131,7 +131,7 @@ class SweptMotionBuilder:
         collisions: list[tuple[float, Collision]] = []
         for sweep in sweeps:
             for obstacle in self.planner.obstacles:
-                if obstacle.body in sweep.spares:
+                if obstacle.body in sweep.spares or not obstacle.stops(load=sweep.is_load):
                     continue
                 touch = sweep.touch(obstacle, self.planner.tolerance_m, self.planner.samples)
                 if touch is not None:
@@ -156,7 +156,8 @@ class SweptMotionBuilder:
         visit = motion.visit
         body = self.scene.body(visit.subject)
         pieces = make_standing_pieces(body, visit.pose)
-        obstacles = self.planner.obstacles
+        # A zone bears nothing.
+        obstacles = tuple(item for item in self.planner.obstacles if item.zone is None)
         if visit.event is Event.DRIVE and not is_same_direction(visit.along, DOWN):
             # A screw is supported along its axis.
             level = visit.pose.inverse()

@@ -15,6 +15,7 @@ from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Unfound
 from skillplan_pinocchio.swept import SweptDetector
+from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 from skillplan_ros2.skill_trajectory import Array, SkillTrajectory, TrajectoryPoints
 
@@ -79,7 +80,9 @@ class _Timing:
         )
         self.detector = next(judges, None) or SweptDetector(handover.task)
         fraction = speed_fraction or self.detector.options.speed_fraction
-        self.limits = JointLimits.of(handover.task.scene.robots[0].model).scaled(fraction)
+        scene = handover.task.scene
+        self.limits = JointLimits.of(scene.robots[0].model).scaled(fraction)
+        self.slow_zones = SlowZones.of(scene, scene.robots[0])
 
     def trajectory(self, planned: PlannedSkill, before: SkillTrajectory | None) -> SkillTrajectory:
         """Return the trajectory of a skill from the end of the one before."""
@@ -122,7 +125,7 @@ class _Timing:
 
         The acceleration is constant in between, so cubics through these points reproduce the run.
         """
-        run = find_fastest_trajectory(path, self.limits)
+        run = find_fastest_trajectory(path, self.limits, self.slow_zones)
         positions = path.along(run.places)
         # Exact positions at both ends, at rest.
         positions[0] = path.nodes[0]

@@ -168,6 +168,8 @@ def _compute_relative_axis(final: Pose, expected: Pose) -> Any:
 
 def _find_fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -> str | None:
     sensed = record.sensed
+    if "in_zone" in sensed:
+        return str(sensed["in_zone"])
     if "stuck_on" in sensed:
         return f"the arm was stopped on {sensed['stuck_on']}"
     if visit.event is Event.LOAD and sensed.get("tool_attached") != visit.subject:

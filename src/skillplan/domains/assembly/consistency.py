@@ -10,6 +10,7 @@ from skillplan.domains.assembly.cost_schema import find_cost_issues
 from skillplan.domains.assembly.geometry_faults import find_geometry_issues, find_shape_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.vocabulary import HOME, list_actions, list_facts, split_literal
+from skillplan.domains.assembly.zone_faults import find_zone_issues
 from skillplan.errors import Issue, name_hint
 from skillplan.task.scene import WORLD
 
@@ -36,6 +37,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
     )
     if not any(issue.path[0] in ("parts", "fixtures", "screws") for issue in issues):
         issues += islice(find_geometry_issues(config), _MAX_ISSUES)
+        issues += islice(find_zone_issues(config), _MAX_ISSUES)
     return issues
 
 
@@ -44,7 +46,7 @@ def _check_names(config: AssemblyConfig) -> Iterator[Issue]:
         message = f"the name {WORLD!r} is taken by the world frame. Choose another."
         yield Issue(message, ("robot", "name"))
     owners: dict[str, str] = {}
-    for section in ("tools", "feeders", "fixtures", "parts", "screws"):
+    for section in ("tools", "feeders", "fixtures", "zones", "parts", "screws"):
         for name in getattr(config, section):
             if name in owners:
                 message = f"the name {name!r} is taken in {owners[name]!r}. Choose another."

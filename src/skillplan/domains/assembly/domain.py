@@ -15,6 +15,7 @@ from skillplan.domains.assembly.overview import (
     list_supports,
 )
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.zone_faults import find_zone_hints, list_zones
 from skillplan.domains.domain import Domain, Overview
 from skillplan.errors import Issue, OptionError
 from skillplan.task.task import Task
@@ -38,14 +39,14 @@ class AssemblyDomain(Domain):
         return find_assumptions(config)
 
     def hints(self, config: Any) -> Iterable[Issue]:
-        """Return parts too wide for the hand, blocked feeders and dwells without effect."""
-        return find_hints(config)
+        """Return parts too wide for the hand, blocked feeders, dwells and zones without effect."""
+        return (*find_hints(config), *(find_zone_hints(config) if config.zones else ()))
 
     def overview(self, config: Any) -> Overview:
-        """Return supports and meshes of parts, and their choices of grasps and insertions."""
-        supports, choices = list_supports(config), list_choices(config)
-        document = {**supports.document, **choices.document}
-        return Overview(document, (*supports.lines, *choices.lines))
+        """Return supports and meshes of parts, zones, and choices of grasps and insertions."""
+        overviews = (list_supports(config), list_zones(config), list_choices(config))
+        document = {key: value for view in overviews for key, value in view.document.items()}
+        return Overview(document, tuple(line for view in overviews for line in view.lines))
 
     def has_family(self, config: Any) -> bool:
         """Return True if the file has a block ``family``."""

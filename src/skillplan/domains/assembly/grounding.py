@@ -38,6 +38,7 @@ from skillplan.task.shape import Box, Cylinder
 from skillplan.task.skill import Outcome, Skill, Way
 from skillplan.task.state import Condition, Facts
 from skillplan.task.task import BackEndChoice, Literal, Precedence, Task
+from skillplan.task.zone import SlowTravel
 
 MOST_STEPS = 100_000
 """Greatest step limit of a file."""
@@ -64,12 +65,37 @@ class _Grounding:
         self.positions = self._list_positions()
         self.places = {self.facts.bit(f"at({name})"): p for name, p in self.positions.items()}
         self.stands = self.facts.of(*(f"at({name})" for name in self.positions))
+        self.slow = self._build_slow_travel()
         self.behind_m = {
             self.facts.bit(f"at({part}.missed)"): compute_planar_distance(
                 self.layout.start(part).pose.position, self.positions[f"{part}.missed"]
             )
             for part in vocabulary.list_missed_parts(config)
         }
+        self.slow_behind_m = self._add_slow_travel(self.behind_m)
+
+    def _add_slow_travel(self, behind_m: Mapping[int, float]) -> Mapping[int, float]:
+        """Return the paths of failed grasps, longer by what the tip loses in slow zones [m]."""
+        if self.slow is None:
+            return behind_m
+        longer_m = dict(behind_m)
+        for part in vocabulary.list_missed_parts(self.config):
+            start, look = self.layout.start(part).pose.position, self.positions[f"{part}.missed"]
+            lost_s = self.slow.cost_s(start, look)
+            bit = self.facts.bit(f"at({part}.missed)")
+            longer_m[bit] += lost_s * self.config.robot.travel_speed_m_per_s
+        return longer_m
+
+    def _build_slow_travel(self) -> SlowTravel | None:
+        """Return the additional time of travels at safe height through zones, or None."""
+        robot = self.config.robot
+        zones = [zone.build(name) for name, zone in self.config.zones.items()]
+        slow = [
+            zone
+            for zone in zones
+            if zone.speed_m_per_s is not None and zone.low_m < robot.safe_height_m < zone.high_m
+        ]
+        return SlowTravel(slow, 1 / robot.travel_speed_m_per_s) if slow else None
 
     def build_task(self, sha256: str) -> Task:
         """Return the task."""
@@ -217,7 +243,8 @@ class _Grounding:
             motion,
             per_m=1 / config.robot.travel_speed_m_per_s,
             dwells=True,
-            behind_m=self.behind_m,
+            behind_m=self.slow_behind_m,
+            slow=self.slow,
         )
         name = f"{kind}({subject})"
         cost: Cost = duration_s if config.cost == "time" else distance_m
@@ -425,6 +452,7 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
             **{name: feeder.position for name, feeder in config.feeders.items()},
         },
         frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base, robot.base_orientation)},
+        zones=tuple(zone.build(name) for name, zone in config.zones.items()),
     )
 
 

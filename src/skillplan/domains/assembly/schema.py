@@ -18,6 +18,7 @@ from skillplan.domains.assembly.schema_types import (
 )
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.tool_schema import ToolConfig
+from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
 from skillplan.task.pose import Point
@@ -168,6 +169,12 @@ class AssemblyConfig(Strict):
         exclude_if=is_empty,
         description="bodies that stay where they are, by name, which nothing may run into, and on "
         "which parts may lie; left out: none",
+    )
+    zones: Annotated[dict[Name, ZoneConfig], Field(max_length=64)] = Field(
+        {},
+        exclude_if=is_empty,
+        description="zones by name that arm or load stay out of, or in which the arm is slow near "
+        "people; left out: none",
     )
     parts: Annotated[dict[Name, PartConfig], Field(min_length=1, max_length=256)] = Field(
         description="parts by name"

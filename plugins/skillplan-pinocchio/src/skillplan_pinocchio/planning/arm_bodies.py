@@ -44,6 +44,8 @@ class MovingSolid:
         their common radius [m].
     of_arm
         True if it is a link; otherwise it is at the arm's end.
+    is_load
+        True for the carried body.
     overlaps
         Pairs of bodies of the arm that are not checked; see `ArmDescription`.
     """
@@ -56,6 +58,7 @@ class MovingSolid:
     radius_m: float
     balls: tuple[Vector, float]
     of_arm: bool = False
+    is_load: bool = False
     overlaps: tuple[tuple[int, int], ...] = ()
 
 
@@ -85,7 +88,9 @@ def build_arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
     return tuple(solids)
 
 
-def build_held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSolid:
+def build_held_solid(
+    name: str, joint: int, piece: ConvexPiece, back: Any, *, is_load: bool = False
+) -> MovingSolid:
     """Return a piece in the hand as a solid.
 
     Parameters
@@ -102,7 +107,7 @@ def build_held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> Mo
     centre = (low + high) / 2
     radius_m = float(np.linalg.norm(corners - centre, axis=1).max())
     balls = cover_box(centre, (high - low) / 2)
-    return MovingSolid(name, joint, piece.hull, back, centre, radius_m, balls)
+    return MovingSolid(name, joint, piece.hull, back, centre, radius_m, balls, is_load=is_load)
 
 
 def cover_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
@@ -238,6 +243,8 @@ class ArmBodies:
         Posture without self-collision, shape (joints,).
     alone
         The arm without its load, if already built: `solids` starts with its solids.
+    checks_itself
+        False if the solids may touch each other.
 
     Attributes
     ----------
@@ -264,6 +271,8 @@ class ArmBodies:
         solids: Sequence[MovingSolid],
         home_rad: Vector,
         alone: ArmBodies | None = None,
+        *,
+        checks_itself: bool = True,
     ) -> None:
         self.model = model
         self.solids = tuple(solids)
@@ -274,7 +283,7 @@ class ArmBodies:
         self.reach_m = np.array(reach_m).reshape(-1, model.nv)
         candidates = [
             (a, b)
-            for b, outer in enumerate(self.solids[known:], known)
+            for b, outer in enumerate(self.solids[known:] if checks_itself else (), known)
             for a, inner in enumerate(self.solids)
             if outer.joint - inner.joint >= 2
             and not (outer.of_arm and inner.of_arm and (inner.joint, outer.joint) in outer.overlaps)

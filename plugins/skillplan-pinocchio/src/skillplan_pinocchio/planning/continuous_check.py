@@ -95,6 +95,7 @@ class ContinuousCheck:
         low = np.array([piece.low for piece in self.pieces]).reshape(-1, 3)
         high = np.array([piece.high for piece in self.pieces]).reshape(-1, 3)
         self.boxes = (low, high)
+        self.spared = find_spared_pairs(bodies, [self.obstacles[owner] for owner in self.owners])
 
     def hits(self, path: JointPath) -> tuple[Hit, ...]:
         """Return all contacts on a path in order, the first one of each obstacle."""
@@ -116,13 +117,33 @@ class ContinuousCheck:
         return _Run(self, path).is_clear()
 
 
+def find_spared_pairs(bodies: ArmBodies, owners: Sequence[Obstacle]) -> NDArray[np.bool_] | None:
+    """Return the pairs of solids and fixed pieces that may touch, or None if there is none.
+
+    Parameters
+    ----------
+    owners
+        Obstacle of each piece. Only a zone may keep out the arm alone, or its load.
+
+    Returns
+    -------
+    ndarray
+        Shape (solids, pieces).
+    """
+    if all(obstacle.zone is None for obstacle in owners):
+        return None
+    return np.array(
+        [[not obstacle.stops(load=solid.is_load) for obstacle in owners] for solid in bodies.solids]
+    ).reshape(len(bodies.solids), len(owners))
+
+
 class _Run:
     """Check of one path."""
 
     def __init__(self, check: ContinuousCheck, path: JointPath) -> None:
         self._check, self._path = check, path
         touching_m = LEAST_CLEARANCE_M + _ROUNDING_M
-        near_pairs = NearPairs(check.bodies, path, check.boxes, touching_m)
+        near_pairs = NearPairs(check.bodies, path, check.boxes, touching_m, check.spared)
         self._places = near_pairs.places
         self._intervals = len(path.nodes) - 1
         self._cubics = [tuple(cubic) for cubic in np.swapaxes(path.cubics, 0, 1)]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies, Numbers, Vector
@@ -60,6 +61,8 @@ class NearPairs:
         Lower and upper corners of the boxes about fixed pieces [m], each of shape (pieces, 3).
     touching_m
         Distance below which solids count as touching [m], > 0.
+    spared
+        Pairs with fixed pieces that may touch, shape (solids, pieces); None for none.
 
     Attributes
     ----------
@@ -70,7 +73,12 @@ class NearPairs:
     """
 
     def __init__(
-        self, bodies: ArmBodies, path: JointPath, boxes: tuple[Vector, Vector], touching_m: float
+        self,
+        bodies: ArmBodies,
+        path: JointPath,
+        boxes: tuple[Vector, Vector],
+        touching_m: float,
+        spared: NDArray[np.bool_] | None = None,
     ) -> None:
         slopes = path.steepest_by_interval
         intervals = len(slopes)
@@ -83,6 +91,7 @@ class NearPairs:
         self._bodies = bodies
         self._boxes = boxes
         self._touching_m = touching_m
+        self._spared = spared
         self._rotations, self._origins = bodies.frames.at(path.along(places))
         self.standing = self._with_what_stands(_compute_lengths_m(rates_m, each))
         self.own = self._with_itself(_compute_lengths_m(own_rates_m, each))
@@ -100,6 +109,8 @@ class NearPairs:
         near = (_add_gaps_m(gaps_m) <= moved_m).any(axis=0)
         # The base of the arm is fixed.
         near[: bodies.still] = False
+        if self._spared is not None:
+            near &= ~self._spared
         solids, pieces = np.nonzero(near)
         if not len(solids):
             return []

@@ -54,15 +54,17 @@ class PostureCheck:
     ) -> None:
         self._model, self._data = bodies.model, bodies.model.createData()
         geometry = bodies.geometry()
-        pieces = [piece for obstacle in obstacles for piece in obstacle.pieces]
-        for number, piece in enumerate(pieces):
+        owned = [(obstacle, piece) for obstacle in obstacles for piece in obstacle.pieces]
+        for number, (_, piece) in enumerate(owned):
             geometry.addGeometryObject(
                 pin.GeometryObject(f"piece {number}", 0, pin.SE3.Identity(), piece.hull)
             )
         # The base of the arm is fixed.
         solids = len(bodies.solids)
         for solid in range(bodies.still, solids):
-            for number in range(solids, solids + len(pieces)):
+            for number, (obstacle, _) in enumerate(owned, solids):
+                if not obstacle.stops(load=bodies.solids[solid].is_load):
+                    continue
                 geometry.addCollisionPair(pin.CollisionPair(solid, number))
         nearness = geometry.createData()
         for end_rad in ends_rad:

@@ -113,7 +113,10 @@ class TravelPlanner:
         back = data.oMi[last].inverse()
         solids: list[MovingSolid] = [*self._links]
         for name, pieces in self.sweeps.held(motion, motion.above):
-            solids += [build_held_solid(name, last, piece, back) for piece in pieces]
+            is_load = name == motion.carries
+            solids += [
+                build_held_solid(name, last, piece, back, is_load=is_load) for piece in pieces
+            ]
         return ArmBodies(model, solids, self.arm.home_rad)
 
 

@@ -21,6 +21,7 @@ from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.arm_paths import ArmPaths, MotionPaths, SkillPaths
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Unfound
+from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 
 # Tolerance for the time of a frame [s].
@@ -52,6 +53,7 @@ class KinematicRun:
         self.robot: Robot = task.scene.robots[0]
         self.arm = paths.planner.arm
         self.limits = limits
+        self.slow_zones = SlowZones.of(task.scene, self.robot)
         self.clearance_m = paths.settings.clearance_m
         self._frame_s = 1 / frames_per_s
         self._samples: list[Sample] = []
@@ -195,7 +197,7 @@ class KinematicRun:
     def _along(self, path: JointPath, opening_m: float) -> None:
         """Follow a path from rest to rest while the jaws open."""
         try:
-            run = find_fastest_trajectory(path, self.limits)
+            run = find_fastest_trajectory(path, self.limits, self.slow_zones)
         except ArithmeticError as error:
             words = f"no run along the path of {self._skill} keeps the limits: {error}"
             raise ValueError(words) from None

@@ -16,14 +16,22 @@ from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion
 from skillplan_pinocchio.stands import Stand, Stands
+from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 
 
 class SkillTimes:
-    """Durations of linear motions and of the travels between them."""
+    """Durations of linear motions and of the travels between them.
 
-    def __init__(self, limits: JointLimits) -> None:
+    Parameters
+    ----------
+    slow_zones
+        Zones with a limit on the speed of the tip; None for none.
+    """
+
+    def __init__(self, limits: JointLimits, slow_zones: SlowZones | None = None) -> None:
         self.limits = limits
+        self.slow_zones = slow_zones
         self._transfers: dict[tuple[bytes, bytes], JointPath] = {}
         self._paths_s: dict[bytes, float] = {}
 
@@ -57,7 +65,8 @@ class SkillTimes:
         """Return the duration of a path from rest to rest [s]."""
         key = path.nodes.tobytes()
         if key not in self._paths_s:
-            self._paths_s[key] = find_fastest_trajectory(path, self.limits).duration_s
+            run = find_fastest_trajectory(path, self.limits, self.slow_zones)
+            self._paths_s[key] = run.duration_s
         return self._paths_s[key]
 
     def transfer(self, start: Vector, end: Vector) -> JointPath:

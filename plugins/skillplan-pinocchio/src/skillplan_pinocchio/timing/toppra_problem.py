@@ -23,12 +23,26 @@ from skillplan_pinocchio.kinematics.joint_path import Array
 
 
 class SpeedLimits(JointVelocityConstraint):  # type: ignore[misc]
-    """Symmetric speed limits, shape (n,), > 0."""
+    """Symmetric speed limits of joints, shape (n,), > 0, and of the parameter.
 
-    def __init__(self, greatest: Array) -> None:
+    Parameters
+    ----------
+    rates
+        Greatest rates of the parameter at the places of the grid; None for no limit.
+    """
+
+    def __init__(self, greatest: Array, rates: Array | None = None) -> None:
         LinearConstraint.__init__(self)
         self.vlim = np.stack((-greatest, greatest), axis=1)
         self.dof = len(greatest)
+        self.rates = rates
+
+    def compute_constraint_params(self, path: Any, gridpoints: Array) -> tuple[Any, ...]:
+        """Return toppra's bounds, of which the last are those on the squared rate."""
+        bounds = super().compute_constraint_params(path, gridpoints)
+        if self.rates is not None:
+            bounds[-1][:, 1] = np.minimum(bounds[-1][:, 1], self.rates**2)
+        return bounds  # type: ignore[no-any-return]
 
 
 class AccelerationLimits(JointAccelerationConstraint):  # type: ignore[misc]

@@ -16,12 +16,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from skillplan.robots.arm_description import ArmDescription
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
+
+if TYPE_CHECKING:
+    from skillplan_pinocchio.timing.slow_zones import RateLimits, SlowZones
 
 # Intervals that lose more than this share of a run's time are split into `_PARTS`.
 _LOST: Final = 0.0002
@@ -60,10 +63,17 @@ class GridRun:
     lost: Array
 
     @classmethod
-    def on(cls, path: JointPath, places: Array, limits: tuple[Array, Array]) -> GridRun:
+    def on(
+        cls,
+        path: JointPath,
+        places: Array,
+        limits: tuple[Array, Array],
+        limit_rates: RateLimits | None = None,
+    ) -> GridRun:
         """Return the run on a grid with a place at every node."""
         speed, gain = limits
-        rates = _run(path, (0, len(path.nodes) - 1), places, limits)
+        most = None if limit_rates is None else limit_rates(places)
+        rates = _run(path, (0, len(path.nodes) - 1), places, limits, most)
         fastest, hardest = _find_peaks(path, places, rates)
         used = (hardest / gain).max(axis=1)
         excess = max(float((fastest / speed).max()), math.sqrt(float(used.max())))
@@ -93,7 +103,11 @@ def _compute_steps_s(places: Array, rates: Array) -> Array:
 
 
 def _run(
-    path: JointPath, nodes: tuple[int, int], places: Array, limits: tuple[Array, Array]
+    path: JointPath,
+    nodes: tuple[int, int],
+    places: Array,
+    limits: tuple[Array, Array],
+    most: Array | None,
 ) -> Array:
     """Return the rates of the parameter at places, of which each node is one.
 
@@ -101,20 +115,24 @@ def _run(
     ----------
     nodes
         Numbers of the first and last node.
+    most
+        Greatest rates there; None for no limit.
     """
     first, last = nodes
     span = places[-1] - places[0]
     slopes, bends = path.derivatives(places)
     grid = (places - places[0]) / span
-    rates = _compute_rates(slopes * span, bends * span**2, grid, limits)
+    within = None if most is None else most / span
+    rates = _compute_rates(slopes * span, bends * span**2, grid, limits, within)
     if rates is not None:
         return np.asarray(rates * span)
     if last - first == 1:
         raise ArithmeticError("toppra found no run between two nodes of a path of the joints")
     middle = (first + last) // 2
     cut = int(np.abs(places - middle / (len(path.nodes) - 1)).argmin())
-    begin = _run(path, (first, middle), places[: cut + 1], limits)
-    end = _run(path, (middle, last), places[cut:], limits)
+    before, after = (None, None) if most is None else (most[: cut + 1], most[cut:])
+    begin = _run(path, (first, middle), places[: cut + 1], limits, before)
+    end = _run(path, (middle, last), places[cut:], limits, after)
     return np.concatenate([begin[:-1], end])
 
 
@@ -138,7 +156,11 @@ class _Geometry:
 
 
 def _compute_rates(
-    slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
+    slopes: Array,
+    bends: Array,
+    grid: Array,
+    limits: tuple[Array, Array],
+    most: Array | None,
 ) -> Array | None:
     """Return the rates of the parameter on a grid from 0 to 1, or None if toppra fails."""
     speed, gain = limits
@@ -151,7 +173,8 @@ def _compute_rates(
     )
     unit_rad = np.maximum(np.maximum(steepest, sharpest), 1e-6 * gain * unit_s**2)
     problem = _import_problem()
-    speeds = problem.SpeedLimits(speed * unit_s / unit_rad)
+    within = None if most is None else most * unit_s
+    speeds = problem.SpeedLimits(speed * unit_s / unit_rad, within)
     accelerations = problem.AccelerationLimits(gain * unit_s**2 / unit_rad)
     geometry = _Geometry(slopes / unit_rad, bends / unit_rad)
     run = problem.FastestRun(speeds, accelerations, geometry, grid)
@@ -325,11 +348,18 @@ class Trajectory:
         return self.path.at(place), slope * rate, slope * gain + bend * rate**2
 
 
-def find_fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
+def find_fastest_trajectory(
+    path: JointPath, limits: JointLimits, slow_zones: SlowZones | None = None
+) -> Trajectory:
     """Return the fastest run along a path within limits.
 
     A straight path has a closed form. On a path too uneven for toppra, the run stops at the middle
     node.
+
+    Parameters
+    ----------
+    slow_zones
+        Zones with a limit on the speed of the tip, which the run keeps within 1 %.
 
     Raises
     ------
@@ -340,18 +370,19 @@ def find_fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
     if float(path.steepest.max()) <= 1e-9:
         return Trajectory(path, np.zeros(1), np.zeros(1), np.zeros(1))
     speed, gain = np.array(limits.speed_rad_per_s), np.array(limits.acceleration_rad_per_s2)
-    if len(path.nodes) == 2:
+    limit_rates = None if slow_zones is None else slow_zones.limit(path)
+    if len(path.nodes) == 2 and limit_rates is None:
         return _time_straight_path(path, speed, gain)
     knots = len(path.nodes) - 1
     for intervals in _GRIDS:
         count = knots * max(math.ceil(intervals / knots), _FEWEST)
-        run = GridRun.on(path, np.arange(count + 1) / count, (speed, gain))
+        run = GridRun.on(path, np.arange(count + 1) / count, (speed, gain), limit_rates)
         if run.excess <= _EXCESS:
             break
     for _ in range(_SPLITS):
         if float(run.lost.sum()) <= _MOST_LOST_SHARE:
             break
-        finer = _split(path, run, (speed, gain))
+        finer = _split(path, run, (speed, gain), limit_rates)
         if finer.duration_s >= run.duration_s:
             break
         run = finer
@@ -361,10 +392,15 @@ def find_fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
     return Trajectory(path, run.places, rates, times_s)
 
 
-def _split(path: JointPath, run: GridRun, limits: tuple[Array, Array]) -> GridRun:
+def _split(
+    path: JointPath,
+    run: GridRun,
+    limits: tuple[Array, Array],
+    limit_rates: RateLimits | None,
+) -> GridRun:
     """Return the run on a finer grid, or the same run if toppra finds none."""
     try:
-        return GridRun.on(path, run.finer, limits)
+        return GridRun.on(path, run.finer, limits, limit_rates)
     except ArithmeticError:
         return run
 

@@ -9,7 +9,9 @@ import numpy as np
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose, Scene, Tool, ToolKind
 from skillplan_pinocchio.kinematics.fixed_order import length
+from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, ContactLog
+from skillplan_simulation.execution.zone_watch import ZoneWatch
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import Vector, compute_turn, make_pose
 from skillplan_simulation.motions import ArmMotion, JointMotion, PosturePath, StraightMotion
@@ -164,6 +166,8 @@ class ControlledRobot:
         self._bond: int | None = None
         self._static: Grip | None = None
         self._last_step = _MOST_STEPS
+        self.slow_zones = SlowZones.of(scene, arm.robot)
+        self._zone_watch = ZoneWatch.of(scene, arm.robot)
         self.tools = ToolChanger(world, arm, scene, tool)
         self.carry(None)
 
@@ -236,6 +240,10 @@ class ControlledRobot:
             self._check_sanity()
             self.log.frame()
             self._keep_hold()
+            if self._zone_watch is not None and "in_zone" not in self.sensed:
+                entry = self._zone_watch.look(self)
+                if entry is not None:
+                    self.sensed["in_zone"] = f"{entry} on {self.log.phase_now or 'its way'}"
             lag_m = self.arm.tip_error_m()
             if lag_m > _STUCK_M:
                 if self._is_touching():
@@ -273,12 +281,16 @@ class ControlledRobot:
         """
         here = self.arm.setpoint
         assert here is not None
+        most_m_per_s = speed_m_per_s or self.settings.speed_m_per_s
+        if self.slow_zones is not None:
+            limit = self.slow_zones.find_speed_m_per_s(here.position, np.array(end))
+            most_m_per_s = min(most_m_per_s, limit)
         self.follow(
             StraightMotion.between(
                 here,
                 np.array(end),
                 path,
-                speed_m_per_s=speed_m_per_s or self.settings.speed_m_per_s,
+                speed_m_per_s=most_m_per_s,
                 acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
             )
         )

@@ -19,6 +19,7 @@ from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Travel, Unfound
 from skillplan_pinocchio.skill_travels import TravelTo
+from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import UnreachableError, Vector, get_kinematics, points_down
@@ -81,6 +82,7 @@ class PlannedPaths:
         )
         limits = JointLimits.of(task.scene.robots[0].model)
         self.limits = limits.scaled(settings.speed_fraction)
+        self.slow_zones = SlowZones.of(task.scene, task.scene.robots[0])
         self.gripped_m_per_s2 = settings.acceleration_m_per_s2
         self._runs: dict[tuple[bytes, bool], JointRun] = {}
 
@@ -161,7 +163,7 @@ class PlannedPaths:
         )
         key = path.nodes.tobytes(), is_gripped
         if key not in self._runs:
-            run: JointRun = find_fastest_trajectory(path, self.limits)
+            run: JointRun = find_fastest_trajectory(path, self.limits, self.slow_zones)
             if is_gripped:
                 share = _TURNED_SHARE if turns else 1.0
                 run = SlowedRun.within(run, self.kinematics, share * self.gripped_m_per_s2)

@@ -1,0 +1,178 @@
+"""Zones of an assembly: places in keep-out zones, zones without effect, and their list."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from skillplan.domains.assembly.gripping import list_grasps
+from skillplan.domains.assembly.layout import get_layout
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.domain import Overview
+from skillplan.errors import Issue
+from skillplan.task.pose import Point
+from skillplan.task.zone import CEILING_M, Zone
+
+# Overlap of a load with a zone that counts as touching [m].
+_TOUCH_M = 2e-4
+
+_Path = tuple[str | int, ...]
+
+
+def find_zone_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield places in keep-out zones, which no motion can reach."""
+    zones = [zone.build(name) for name, zone in config.zones.items()]
+    for zone in zones:
+        if "arm" in zone.keeps_out:
+            yield from _find_closed_places(config, zone)
+    for path, words, load in _list_loads(config) if zones else ():
+        for zone in zones:
+            if "load" in zone.keeps_out and _holds_load(zone, load):
+                message = (
+                    f"{words} is in {zone.label}, which keeps the load out "
+                    f"({_format_range(zone)}). Move one of them."
+                )
+                yield Issue(message, path)
+
+
+def _find_closed_places(config: AssemblyConfig, zone: Zone) -> Iterator[Issue]:
+    """Yield places of base, tip and hand in a zone that keeps the arm out."""
+    for path, words, points in _list_arm_places(config):
+        if all(zone.holds(point) for point in points):
+            x_m, y_m, z_m = points[0]
+            message = (
+                f"{words}, at ({x_m:.3f}, {y_m:.3f}, {z_m:.3f}) m, is in {zone.label}, which "
+                f"keeps the arm out ({_format_range(zone)}). Move one of them."
+            )
+            yield Issue(message, path)
+
+
+def _list_arm_places(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[Point]]]:
+    """Yield key path, name and points [m] of each place that base or tip must be at.
+
+    Of several points, as for several grasps, one is enough.
+    """
+    robot, layout = config.robot, get_layout(config)
+    x_m, y_m, z_m = robot.base_m
+    yield ("robot", "base_m"), "the base of the arm", [(x_m, y_m, z_m + _TOUCH_M)]
+    home = (robot.home_m[0], robot.home_m[1], robot.safe_height_m)
+    yield ("robot", "home_m"), "home", [home]
+    if robot.look_m is not None:
+        yield ("robot", "look_m"), "the place to look from", [robot.look]
+    for name, tool in config.tools.items():
+        yield ("tools", name, "holder_m"), f"the holder of {name!r}", [_lift(tool.holder)]
+    for name, feeder in config.feeders.items():
+        yield ("feeders", name, "position_m"), f"feeder {name!r}", [_lift(feeder.position)]
+    for name, part in config.moved_parts.items():
+        tips = [grasp.tip for grasp in list_grasps(config, name)]
+        if part.feeder is None:
+            key = "start_m" if part.start_m is not None else "start_on"
+            start = layout.start(name).pose
+            yield ("parts", name, key), f"the grasp of {name!r}", [*map(start.apply, tips)]
+        goal = layout.goal(name).pose
+        words = f"the grasp of {name!r} at its goal"
+        yield ("parts", name, "goal_m"), words, [*map(goal.apply, tips)]
+    for name, screw in config.screws.items():
+        yield ("screws", name, "hole_m"), f"the hole of {name!r}", [_lift(layout.hole(screw))]
+
+
+def _lift(point: Point) -> Point:
+    """Return a point just above a place, because a zone may begin at the table."""
+    return (point[0], point[1], point[2] + _TOUCH_M)
+
+
+_Load = list[tuple[list[tuple[float, ...]], float, float]]
+
+
+def _list_loads(config: AssemblyConfig) -> Iterator[tuple[_Path, str, _Load]]:
+    """Yield key path, name, prisms and key of each part at its start and goal, and each head.
+
+    A prism is its outline from above, and the heights of bottom and top [m]. Slanted shapes are
+    left out: the exact check is that of the motion.
+    """
+    layout = get_layout(config)
+    for name, part in config.moved_parts.items():
+        for solid, words, key in (
+            (layout.start(name), "the start", "start_m" if part.start_m else "start_on"),
+            (layout.goal(name), "the goal", "goal_m"),
+        ):
+            key = "feeder" if part.feeder is not None and key != "goal_m" else key
+            prisms = [piece.prism for piece in solid.pieces if piece.prism is not None]
+            load: _Load = [(list(prism.face), prism.low_m, prism.high_m) for prism in prisms]
+            yield ("parts", name, key), f"{words} of {name!r}", load
+    for name, screw in config.screws.items():
+        x_m, y_m, z_m = layout.hole(screw)
+        radius_m = screw.head_diameter_m / 2
+        rim: list[tuple[float, ...]] = [
+            (x_m + radius_m * math.cos(angle), y_m + radius_m * math.sin(angle))
+            for angle in (math.pi * step / 8 for step in range(16))
+        ]
+        if screw.direction == (0.0, 0.0, -1.0):
+            load = [(rim, z_m, z_m + screw.head_height_m)]
+            yield ("screws", name, "hole_m"), f"the head of {name!r}", load
+
+
+def _holds_load(zone: Zone, load: _Load) -> bool:
+    return any(zone.meets(outline, low_m, high_m, _TOUCH_M) for outline, low_m, high_m in load)
+
+
+def find_zone_hints(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield zones that cannot have an effect."""
+    robot = config.robot
+    import shapely
+
+    base = shapely.Point(robot.base_m[:2])
+    for name, entry in config.zones.items():
+        zone = entry.build(name)
+        away_m = zone.polygon.distance(base)
+        if math.hypot(away_m, max(0.0, zone.low_m - robot.base_m[2])) > robot.reaches_m:
+            message = (
+                f"has no effect: it is {away_m:.3f} m from the base, and the arm reaches "
+                f"{robot.reaches_m:.3f} m. Move it, or leave it out."
+            )
+            yield Issue(message, ("zones", name), at_key=True)
+        elif zone.speed_m_per_s is not None and config.cost == "distance":
+            message = (
+                "costs time, and the objective is the distance. Give 'cost: time' if it is to "
+                "count."
+            )
+            yield Issue(message, ("zones", name, "speed_m_per_s"))
+
+
+def list_zones(config: AssemblyConfig) -> Overview:
+    """Return the zones with their effects and heights, as text and JSON."""
+    lines, entries = [], []
+    for name, entry in config.zones.items():
+        zone = entry.build(name)
+        lines.append(f"zone       {name} {_describe_effect(zone)}, {_format_range(zone)}")
+        document: dict[str, Any] = {
+            "zone": name,
+            "keeps_out": list(zone.keeps_out),
+            "speed_m_per_s": zone.speed_m_per_s,
+            "low_m": zone.low_m,
+            "high_m": None if _is_open(zone) else zone.high_m,
+            "area_m2": round(float(zone.polygon.area), 6),
+        }
+        entries.append(document)
+    return Overview({"zones": entries} if entries else {}, tuple(lines))
+
+
+def _describe_effect(zone: Zone) -> str:
+    words = []
+    if zone.keeps_out:
+        movers = {"arm": "the arm", "load": "the load"}
+        words.append(f"keeps out {' and '.join(movers[mover] for mover in zone.keeps_out)}")
+    if zone.speed_m_per_s is not None:
+        words.append(f"slows the tip to {zone.speed_m_per_s:g} m/s")
+    return " and ".join(words)
+
+
+def _is_open(zone: Zone) -> bool:
+    return zone.high_m >= CEILING_M
+
+
+def _format_range(zone: Zone) -> str:
+    if not _is_open(zone):
+        return f"{zone.low_m:g} to {zone.high_m:g} m high"
+    return f"from {zone.low_m:g} m up" if zone.low_m else "from the table up"
