@@ -416,6 +416,7 @@ SMALL_MODULES = {
     "skillplan_pinocchio.timing.toppra_problem": "the only import of toppra, if needed",
     "skillplan_pinocchio.holds": "measures surfaces; its importer sweeps convex pieces",
     "skillplan_ray.access": "secrets of a cluster are in one place",
+    "skillplan_simulation.execution.zone_watch": "geometry; its importer moves the robot",
     "skillplan_ros2.timed_paths": "plans paths; the exporter only writes them",
     "skillplan_swarmitfix.base.goals_task": "one module for each task of a chain",
     "skillplan_swarmitfix.fleet.account": "belongs to the fleet, which other tasks do without",

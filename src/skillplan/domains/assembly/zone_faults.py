@@ -9,6 +9,7 @@ from typing import Any
 from skillplan.domains.assembly.gripping import list_grasps
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Overview
 from skillplan.errors import Issue
 from skillplan.task.pose import Point
@@ -142,20 +143,23 @@ def find_zone_hints(config: AssemblyConfig) -> Iterator[Issue]:
 
 def list_zones(config: AssemblyConfig) -> Overview:
     """Return the zones with their effects and heights, as text and JSON."""
-    lines, entries = [], []
-    for name, entry in config.zones.items():
-        zone = entry.build(name)
-        lines.append(f"zone       {name} {_describe_effect(zone)}, {_format_range(zone)}")
-        document: dict[str, Any] = {
-            "zone": name,
-            "keeps_out": list(zone.keeps_out),
-            "speed_m_per_s": zone.speed_m_per_s,
-            "low_m": zone.low_m,
-            "high_m": None if _is_open(zone) else zone.high_m,
-            "area_m2": round(float(zone.polygon.area), 6),
-        }
-        entries.append(document)
-    return Overview({"zones": entries} if entries else {}, tuple(lines))
+    zones = [_describe_zone(*item) for item in config.zones.items()]
+    documents = [document for _, document in zones]
+    return Overview({"zones": documents} if zones else {}, tuple(line for line, _ in zones))
+
+
+def _describe_zone(name: str, entry: ZoneConfig) -> tuple[str, dict[str, Any]]:
+    """Return a zone as a line and as JSON values."""
+    zone = entry.build(name)
+    document = {
+        "zone": name,
+        "keeps_out": list(zone.keeps_out),
+        "speed_m_per_s": zone.speed_m_per_s,
+        "low_m": zone.low_m,
+        "high_m": None if _is_open(zone) else zone.high_m,
+        "area_m2": round(float(zone.polygon.area), 6),
+    }
+    return f"zone       {name} {_describe_effect(zone)}, {_format_range(zone)}", document
 
 
 def _describe_effect(zone: Zone) -> str:
