@@ -420,6 +420,8 @@ def choose_opening_m(
 ) -> float:
     """Return the opening of the jaws about a part [m]; 0 for suction.
 
+    Inside a hole, it is the distance of the jaws with that clearance to its walls.
+
     Parameters
     ----------
     clearance_m
@@ -427,6 +429,8 @@ def choose_opening_m(
     """
     if grasp.kind is GraspKind.SUCTION:
         return 0.0
+    if grasp.is_inner:
+        return max(grasp.width_m - grasp.inside_m - 2 * clearance_m, 0.0)
     return min(grasp.width_m + 2 * clearance_m, find_opening_m(tool, hand))
 
 
@@ -437,6 +441,13 @@ def describe_too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
     for visit in list_handled(skill):
         grasp = choose_visit_grasp(scene.body(visit.subject), visit)
         opening_m = find_opening_m(tool, robot.hand)
+        if grasp.is_inner and grasp.width_m - grasp.inside_m > opening_m + _ROUNDING_M:
+            return (
+                f"the hole of {visit.subject} is {grasp.width_m:.3f} m wide, and the jaws reach "
+                f"{opening_m + grasp.inside_m:.3f} m apart inside; give another grasp"
+            )
+        if grasp.is_inner:
+            continue
         if grasp.kind is GraspKind.JAWS and grasp.width_m > opening_m + _ROUNDING_M:
             return (
                 f"{visit.subject} is {grasp.width_m:.3f} m wide between the jaws, and they open "

@@ -82,6 +82,7 @@ class Explanation:
             "reason": first.reason if first else None,
             "precondition": str(self.skill.condition(self.state)),
             "prediction": {"add": list(prediction.add), "delete": list(prediction.delete)},
+            "notes": list(self.task.notes.get(self.skill.name, ())),
             "otherwise": [
                 {
                     "probability": outcome.probability,

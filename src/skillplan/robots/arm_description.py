@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -477,6 +478,8 @@ class ArmDescription:
 
 
 _NOWHERE = Transform()
+# Rounding of outlines [m].
+_ROUNDING_M = 1e-6
 
 JawProfile = tuple[tuple[float, float, float, float], ...]
 """See :attr:`Hand.jaw_m`."""
@@ -548,6 +551,21 @@ class Hand:
         for what, rows in (("jaw_m", self.jaw_m), ("body_m", self.body_m)):
             if len(rows) < 2 or not all(math.isfinite(x) for row in rows for x in row):
                 raise ValueError(f"Hand {what} needs two heights at least, all of them finite.")
+
+    def jaw_thickness_m(self, depth_m: float) -> float:
+        """Return the extent of a jaw behind its face, up to a height above its end [m]."""
+        ends_m = [row[3] for row in self.jaw_m if row[0] <= depth_m]
+        for below, above in pairwise(self.jaw_m):
+            if below[0] < depth_m < above[0]:
+                share = (depth_m - below[0]) / (above[0] - below[0])
+                ends_m.append(below[3] + share * (above[3] - below[3]))
+        return max(ends_m, default=self.jaw_m[0][3])
+
+    @property
+    def straight_jaw_m(self) -> float:
+        """Height of a jaw above its end up to which it gets no thicker [m]."""
+        end_m = self.jaw_m[0][3] + _ROUNDING_M
+        return max(row[0] for row in self.jaw_m if self.jaw_thickness_m(row[0]) <= end_m)
 
     @property
     def tip_on_flange(self) -> Transform:

@@ -33,11 +33,13 @@ class Grasp:
         Unit vector in the body's frame along which jaws close; for a suction cup, it gives the
         rotation about the cup's axis.
     width_m
-        Extent of the body between the jaws [m], > 0; 0 for suction.
+        Extent of the body between the jaws, or of the hole about them [m], > 0; 0 for suction.
     approach
         Unit vector in the body's frame in which the hand points, perpendicular to `closing`.
     name
         Name among the grasps of the body; "" for the only one.
+    inside_m
+        Thickness of both jaws [m], >= 0, if they open inside a hole; 0 if they close about it.
     """
 
     kind: GraspKind
@@ -46,6 +48,7 @@ class Grasp:
     width_m: float = 0.0
     approach: Point = DOWN
     name: str = ""
+    inside_m: float = 0.0
 
     def __post_init__(self) -> None:
         for what in ("closing", "approach"):
@@ -55,6 +58,13 @@ class Grasp:
             raise ValueError("Grasp must close at right angles to where the hand points.")
         if (self.width_m > 0) != (self.kind is GraspKind.JAWS):
             raise ValueError(f"Grasp by {self.kind} cannot have the width {self.width_m} m.")
+        if not 0 <= self.inside_m <= self.width_m:
+            raise ValueError(f"Grasp inside_m must be 0 to {self.width_m}, not {self.inside_m}.")
+
+    @property
+    def is_inner(self) -> bool:
+        """True if the jaws open inside a hole of the body."""
+        return self.inside_m > 0
 
     @property
     def closing_axis(self) -> str | None:

@@ -148,6 +148,8 @@ class Task:
     covered
         Number of parts of the task, and of its whole product; None if the task file does not state
         the latter.
+    notes
+        Sentences about skills that grounding left out or assumed, by name of the skill.
     """
 
     name: str
@@ -173,6 +175,7 @@ class Task:
     dwells_from: tuple[str, ...] = ()
     infeasible: str = ""
     covered: tuple[int, int] | None = None
+    notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     _index: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -207,3 +207,63 @@ def test_cylinders_may_stand_where_only_the_boxes_about_them_overlap():
     config = AssemblyConfig.model_validate(content)
     (issue,) = AssemblyDomain().issues(config)
     assert "overlap by 15.9 mm at their goals" in issue.message
+
+
+FRAME = [
+    {"size_m": [0.1, 0.008, 0.02], "centre_m": [0.0, side * 0.046, 0.01]} for side in (-1, 1)
+] + [{"size_m": [0.008, 0.084, 0.02], "centre_m": [side * 0.046, 0.0, 0.01]} for side in (-1, 1)]
+
+
+def test_a_wall_is_held_where_it_is():
+    """The jaws are centred on the wall; without a place, on the far one."""
+    near = grasp_in({"boxes": FRAME}, hold="wall", closing_axis="y", at_m=[0.0, -0.043])
+    assert near.tip[:2] == pytest.approx((0.0, -0.046))
+    assert (near.width_m, near.is_inner) == (pytest.approx(0.008), False)
+    far = grasp_in({"boxes": FRAME}, hold="wall", closing_axis="y")
+    assert far.tip[1] == pytest.approx(0.046)
+
+
+def test_a_hole_is_held_from_inside():
+    """The width is that of the hole, and the jaws are as thick as at their depth."""
+    grasp = grasp_in({"boxes": FRAME}, hold="inner", closing_axis="x")
+    assert grasp.tip[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (grasp.width_m, grasp.inside_m) == pytest.approx((0.084, 2 * 0.0144))
+    deeper = grasp_in({"boxes": FRAME}, hold="inner", closing_axis="x", depth_m=0.015)
+    assert deeper.inside_m > grasp.inside_m
+
+
+@pytest.mark.parametrize(
+    ("grasp", "key", "words"),
+    [
+        ({"hold": "wall", "closing_axis": "y", "at_m": [0.0, 0.0]}, "at_m", "no wall there"),
+        ({"hold": "inner", "closing_axis": "y", "at_m": [0.0, 0.046]}, "at_m", "no hole there"),
+        ({"hold": "inner", "closing_axis": "y", "type": "suction"}, "closing_axis", "suction"),
+    ],
+)
+def test_a_wall_or_hole_that_is_not_there_is_a_fault(grasp, key, words):
+    path, message = issues_of({"boxes": FRAME}, **grasp)[0]
+    assert path[-1] == key
+    assert words in message
+
+
+def test_a_hole_must_be_within_the_range_of_the_jaws():
+    """Both jaws fit in closed, and reach its walls open."""
+    frame = [
+        {"size_m": [0.03, 0.06, 0.02], "centre_m": [side * 0.025, 0.0, 0.01]} for side in (-1, 1)
+    ] + [{"size_m": [0.02, 0.02, 0.02], "centre_m": [0.0, side * 0.02, 0.01]} for side in (-1, 1)]
+    ((path, message),) = issues_of({"boxes": frame}, hold="inner", closing_axis="x")
+    assert path[-1] == "hold"
+    assert "the hole is 0.0200 m wide" in message
+    assert "hold from inside 0.0308 m to 0.1088 m" in message
+
+
+def test_auto_tries_walls_and_holes_of_what_is_too_wide():
+    """Check lists what it keeps and what it refuses, and so does explain by the task's notes."""
+    content = content_of({"boxes": FRAME}, tool={"opening_m": 0.06})
+    content["parts"]["part"]["grasp"] = "auto"
+    config = AssemblyConfig.model_validate(content)
+    (tried,) = AssemblyDomain().overview(config).document["automatic_grasps"]
+    assert "top closing along x from inside" in tried["kept"]
+    assert any("0.100 m wide" in reason for reason in tried["refused"])
+    notes = assembly(content).notes["pick(part)"]
+    assert any("top closing along x" in note and "0.100 m wide" in note for note in notes)

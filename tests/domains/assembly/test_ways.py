@@ -197,7 +197,7 @@ def test_a_part_that_no_hand_can_hold_is_one_fault():
     """At the word."""
     ((path, message),) = issues_of(content_of(grasp="auto", size_m=[0.1, 0.1, 0.1]))
     assert path == ("parts", "drawer", "grasp")
-    assert message.startswith("no hand can hold it from any of its six sides; from the top: ")
+    assert message.startswith("no hand can hold it from any of its six sides: top closing along x")
 
 
 def test_a_screw_goes_along_its_axis():

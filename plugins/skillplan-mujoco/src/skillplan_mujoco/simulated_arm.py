@@ -286,10 +286,11 @@ class SimulatedArm:
         self._jaw_target_m = self.jaw_width_m() / 2
         self._jaw_goal_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
 
-    def close(self, force_n: float) -> None:
-        """Begin to close the jaws until they grip with a force."""
+    def close(self, force_n: float, *, outwards: bool = False) -> None:
+        """Begin to close the jaws, or to open them inside a hole, until they grip with a force."""
         self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_goal_m, self._jaw_force_n = 0.0, force_n
+        self._jaw_goal_m = self.hand.opening_m / 2 if outwards else 0.0
+        self._jaw_force_n = force_n
 
     def actuate(self) -> None:
         """Set torques and jaw forces for the next step."""

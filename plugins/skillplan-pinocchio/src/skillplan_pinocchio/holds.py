@@ -84,8 +84,14 @@ def _measure_jaw_contact(shapes: Sequence[Shape], grasp: Grasp, hand: Hand) -> t
     out = _negate(grasp.approach)
     frame = np.array([cross(grasp.closing, grasp.approach), out, grasp.closing])
     triangles = _view(shapes, frame, np.array(grasp.tip))
-    face_m = min(row[2] for row in hand.jaw_m) + _FACE_M
-    rows = [(row[0], row[1]) for row in hand.jaw_m if row[2] <= face_m]
+    if grasp.is_inner:
+        # The outer faces hold, where the jaws are thickest up to their depth.
+        rows = [(row[0], row[1]) for row in hand.jaw_m]
+        out_sign = -1.0
+    else:
+        face_m = min(row[2] for row in hand.jaw_m) + _FACE_M
+        rows = [(row[0], row[1]) for row in hand.jaw_m if row[2] <= face_m]
+        out_sign = 1.0
     heights, halves = np.array(rows).T
     low = triangles[..., :2].min(axis=(0, 1))
     high = triangles[..., :2].max(axis=(0, 1))
@@ -101,7 +107,9 @@ def _measure_jaw_contact(shapes: Sequence[Shape], grasp: Grasp, hand: Hand) -> t
     number, height, facing = _trace(rays, triangles)
     areas = []
     for side in (-1.0, 1.0):
-        meets = (facing * side > 0) & (np.abs(height - side * grasp.width_m / 2) <= _NEAR_M)
+        meets = (facing * side * out_sign > 0) & (
+            np.abs(height - side * grasp.width_m / 2) <= _NEAR_M
+        )
         areas.append(len(np.unique(number[meets])) * float(cell.prod()))
     return areas[0], areas[1]
 

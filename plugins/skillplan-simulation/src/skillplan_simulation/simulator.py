@@ -228,8 +228,8 @@ class Arm(Protocol):
     def open(self, opening_m: float) -> None:
         """Begin to open the jaws to a distance."""
 
-    def close(self, force_n: float) -> None:
-        """Begin to close the jaws until they grip with a force."""
+    def close(self, force_n: float, *, outwards: bool = False) -> None:
+        """Begin to close the jaws, or to open them inside a hole, until they grip with a force."""
 
     def actuate(self) -> None:
         """Set the motors for the next step."""

@@ -18,6 +18,7 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import find_cup_height_m, grasp_boxes
+from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import Grasp, GraspKind
 from skillplan.task.pose import Pose, dot, plus
 from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind
@@ -41,6 +42,7 @@ class _Choice:
     given: GraspConfig
     path: tuple[str | int, ...]
     opening_m: float | None
+    hand: Hand
     poses: Mapping[str, Pose]
 
 
@@ -65,6 +67,32 @@ def list_grasps(config: AssemblyConfig, name: str) -> tuple[Grasp, ...]:
     if config.parts[name].grasp == "auto":
         choices = [choice for choice in choices if not any(_find_faults(choice))] or choices[:1]
     return name_grasps([choice.handle.grasp() for choice in choices])
+
+
+def describe_candidates(config: AssemblyConfig, name: str) -> tuple[list[str], list[str]]:
+    """Return the grasps that ``auto`` keeps, and those that it refuses with the reason.
+
+    Equal reasons share a line.
+    """
+    kept = [grasp.name or name_side(grasp.approach) for grasp in list_grasps(config, name)]
+    refused: dict[str, list[str]] = {}
+    for choice in _list_choices(config, name):
+        fault = next(_find_faults(choice), None)
+        if fault is not None:
+            refused.setdefault(_shorten(fault.message), []).append(_name_candidate(choice))
+    return kept, [f"{', '.join(names)}: {reason}" for reason, names in refused.items()]
+
+
+def _name_candidate(choice: _Choice) -> str:
+    """Return the side and the closing axis of a candidate of ``auto``."""
+    side, given = name_side(choice.handle.approach), choice.given
+    hold = {"outer": "", "inner": " from inside", "wall": " by a wall"}[given.hold]
+    return f"{side} closing along {given.closing_axis}{hold}"
+
+
+def _shorten(message: str) -> str:
+    """Return the fault of a message without its advice, which `auto` does not need."""
+    return message.split("; give", 1)[0].split(". Give", 1)[0].rstrip(".")
 
 
 def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
@@ -116,25 +144,45 @@ def _find_length_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
 
 def _list_choices(config: AssemblyConfig, name: str) -> list[_Choice]:
     """Return the given grasps of a part, or all candidates of ``auto``."""
-    part, layout = config.parts[name], get_layout(config)
-    given = list_automatic_grasps() if part.grasp == "auto" else part.grasp
+    part = config.parts[name]
+    given = part.grasp
+    if given == "auto":
+        given = list_automatic_grasps()
+        outer = [_make_choice(config, name, grasp, ("grasp",)) for grasp in given]
+        from_top = [choice for choice in outer if choice.handle.from_top]
+        if not all(any(_find_faults(choice)) for choice in from_top):
+            return outer
+        # From the top, a wall or a hole may be narrow enough.
+        given += [
+            grasp.model_copy(update={"hold": hold})
+            for hold in ("wall", "inner")
+            for grasp in (choice.given for choice in from_top)
+        ]
     several = isinstance(given, list)
     listed = given if isinstance(given, list) else [given]
-    by_suction = choose_tool_kind(config, part.tool) is ToolKind.SUCTION
-    default = GraspKind.SUCTION if by_suction else GraspKind.JAWS
-    shapes = part.shapes
-    poses = {"at the start": layout.start(name).pose, "at its goal": layout.goal(name).pose}
     return [
-        _Choice(
-            part,
-            Handle(grasp, default if grasp.type is None else GraspKind(grasp.type), shapes),
+        _make_choice(
+            config,
+            name,
             grasp,
             ("grasp", index) if several and part.grasp != "auto" else ("grasp",),
-            config.tools[part.tool].opening_m,
-            poses,
         )
         for index, grasp in enumerate(listed)
     ]
+
+
+def _make_choice(
+    config: AssemblyConfig, name: str, grasp: GraspConfig, path: tuple[str | int, ...]
+) -> _Choice:
+    part, layout = config.parts[name], get_layout(config)
+    by_suction = choose_tool_kind(config, part.tool) is ToolKind.SUCTION
+    default = GraspKind.SUCTION if by_suction else GraspKind.JAWS
+    tool = config.tools[part.tool]
+    hand = tool.hand_on(config.robot.hand) or config.robot.hand
+    kind = default if grasp.type is None else GraspKind(grasp.type)
+    poses = {"at the start": layout.start(name).pose, "at its goal": layout.goal(name).pose}
+    handle = Handle(grasp, kind, part.shapes, hand)
+    return _Choice(part, handle, grasp, path, tool.opening_m, hand, poses)
 
 
 def _find_part_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
@@ -142,8 +190,8 @@ def _find_part_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
     choices = _list_choices(config, name)
     if part.grasp == "auto":
         if all(any(_find_faults(choice)) for choice in choices):
-            top = next(_find_faults(choices[0])).message
-            message = f"no hand can hold it from any of its six sides; from the top: {top}"
+            _, refused = describe_candidates(config, name)
+            message = f"no hand can hold it from any of its six sides: {'; '.join(refused)}."
             yield Issue(message, ("grasp",))
         return
     by_suction = choose_tool_kind(config, part.tool) is ToolKind.SUCTION
@@ -189,6 +237,7 @@ def _find_suction_faults(choice: _Choice) -> Iterator[Issue]:
         "closing_axis": handle.from_top and given.closing_axis != "auto",
         "depth_m": given.depth_m is not None,
         "width_m": given.width_m is not None,
+        "hold": given.hold != "outer",
     }
     if choice.part.grasp != "auto":
         for key in (key for key, applies in is_for_jaws.items() if applies):
@@ -213,6 +262,9 @@ def _find_jaws_faults(choice: _Choice) -> Iterator[Issue]:
     if opening_m is None and not given.model_fields_set - {"type"}:
         # Neither jaws nor grasp are given.
         return
+    if given.hold != "outer":
+        yield from _find_feature_faults(choice)
+        return
     grasp = handle.jaws()
     if not handle.between_fingers(grasp):
         yield _report_miss(choice, grasp.tip, "the jaws")
@@ -220,6 +272,43 @@ def _find_jaws_faults(choice: _Choice) -> Iterator[Issue]:
         yield from _find_offset(choice, grasp)
     if opening_m is not None and grasp.width_m > opening_m - _PLAY_M + 1e-9:
         yield _report_width(choice, grasp, opening_m)
+
+
+def _find_feature_faults(choice: _Choice) -> Iterator[Issue]:
+    """Yield a wall or hole that is not there, or that the jaws cannot hold."""
+    given, handle = choice.given, choice.handle
+    tool = choice.part.tool
+    if handle.feature is None:
+        where = "" if given.at_m is None else " there"
+        message = (
+            f"no wall{where} that jaws can close about; give grasp: {{hold: wall, at_m: [x, y]}} "
+            "of a point on it."
+            if given.hold == "wall"
+            else f"no hole{where} that jaws can open in, across the whole width of the fingers; "
+            "give grasp: {hold: inner, at_m: [x, y]} of a point in it."
+        )
+        yield Issue(message, (*choice.path, "hold" if given.at_m is None else "at_m"))
+        return
+    grasp = handle.jaws()
+    opening_m = min(choice.hand.opening_m, choice.opening_m or choice.hand.opening_m)
+    if given.hold == "wall":
+        if grasp.width_m > opening_m - _PLAY_M + 1e-9:
+            message = (
+                f"the wall is {grasp.width_m:.4f} m thick over the fingers' width, where the jaws "
+                f"of {tool!r} open {opening_m:.3f} m, of which {_PLAY_M:.3f} m are play."
+            )
+            yield Issue(message, (*choice.path, "hold"))
+        return
+    fingers_m = 2 * choice.hand.jaw_thickness_m(handle.depth_m(grasp))
+    least_m, most_m = fingers_m + _PLAY_M, fingers_m + opening_m
+    if not least_m - 1e-9 <= grasp.width_m <= most_m + 1e-9:
+        message = (
+            f"the hole is {grasp.width_m:.4f} m wide over the fingers' width, where the jaws of "
+            f"{tool!r} hold from inside {least_m:.4f} m to {most_m:.4f} m: both are "
+            f"{fingers_m:.4f} m thick {handle.depth_m(grasp):.4f} m above their ends. Give another "
+            "tool, a smaller depth_m, or hold: wall."
+        )
+        yield Issue(message, (*choice.path, "hold"))
 
 
 def _find_offset(choice: _Choice, grasp: Grasp) -> Iterator[Issue]:

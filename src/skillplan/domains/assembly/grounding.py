@@ -14,7 +14,11 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.cost_schema import CostConfig, compute_fixed_cost, make_metric
-from skillplan.domains.assembly.gripping import choose_tool_kind, list_grasps
+from skillplan.domains.assembly.gripping import (
+    choose_tool_kind,
+    describe_candidates,
+    list_grasps,
+)
 from skillplan.domains.assembly.insertion import list_pick_visits, list_place_visits
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.resting import find_bearers
@@ -146,7 +150,18 @@ class _Grounding:
             covered=None
             if config.product_parts is None
             else (len(config.parts) + len(config.screws), config.product_parts),
+            notes=self._list_notes(),
         )
+
+    def _list_notes(self) -> dict[str, tuple[str, ...]]:
+        """Return the grasps that ``auto`` refuses, by the skills of their part."""
+        notes: dict[str, tuple[str, ...]] = {}
+        for name, part in self.config.moved_parts.items():
+            if part.grasp == "auto":
+                _, refused = describe_candidates(self.config, name)
+                words = tuple(f"grasp: auto refuses {reason}" for reason in refused)
+                notes |= {f"{verb}({name})": words for verb in ("pick", "place") if words}
+        return notes
 
     def _list_dwell_sources(self) -> tuple[str, ...]:
         """Return the key paths of all dwell times that apply, the task's own last."""

@@ -6,11 +6,13 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import count
 from typing import Literal
 
 from skillplan.domains.assembly.schema_types import GraspConfig, make_unit
 from skillplan.physics.linear_motions import grasp_boxes
+from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.task.motion import AXES, Grasp, GraspKind
 from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus, unit
@@ -20,6 +22,12 @@ from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 _DEPTH_FRACTION = 0.5
 _MOST_DEPTH_M = 0.012
 _FINGER_HALF_WIDTH_M = STANDARD_HAND.jaw_half_width_m
+# Least depth of fingers in a hole [m].
+_LEAST_DEPTH_M = 0.002
+# Lines across a wall or a hole: shares of a finger's half width, and of its depth.
+_ACROSS, _ABOVE = (-0.97, -0.5, 1e-4, 0.5, 0.97), (0.15, 0.5, 0.85)
+# Distance of a line's begin from the part [m].
+_BESIDE_M = 0.01
 # Greatest cosine of two directions that count as perpendicular; the rest is projected away.
 _RIGHT_ANGLE = 0.01
 # A ray along an edge meets the shape; rounding may put it this far outside [m].
@@ -50,11 +58,20 @@ class Handle:
         True if that direction is not perpendicular to the approach.
     point
         A point on the hand's axis [m]; None if the part decides.
+    hand
+        The hand that takes it.
     """
 
-    def __init__(self, given: GraspConfig, kind: GraspKind, shapes: Sequence[Shape]) -> None:
+    def __init__(
+        self,
+        given: GraspConfig,
+        kind: GraspKind,
+        shapes: Sequence[Shape],
+        hand: Hand = STANDARD_HAND,
+    ) -> None:
         self.given = given
         self.kind = kind
+        self.hand = hand
         self.shapes = tuple(shapes)
         self.approach = make_unit(given.approach)
         self.outwards: Point = _negate(self.approach)
@@ -127,8 +144,70 @@ class Handle:
     def jaws(self, *, centred: bool = False) -> Grasp:
         """Return the grasp of jaws; `centred` ignores a given point."""
         grasp = self._choose_jaws(None if centred else self.point)
+        if self.given.hold != "outer":
+            grasp = self.feature or grasp
         width_m = self.given.width_m
-        return grasp if width_m is None else replace(grasp, width_m=width_m)
+        grasp = grasp if width_m is None else replace(grasp, width_m=width_m)
+        if self.given.hold != "inner":
+            return grasp
+        fingers_m = 2 * self.hand.jaw_thickness_m(self.depth_m(grasp))
+        return replace(grasp, inside_m=min(fingers_m, grasp.width_m))
+
+    def depth_m(self, grasp: Grasp) -> float:
+        """Return the depth of the fingers' ends below the part's top, seen from the hand [m]."""
+        return self.reach_m(self.outwards) - dot(grasp.tip, self.outwards)
+
+    @cached_property
+    def feature(self) -> Grasp | None:
+        """The grasp of a wall or a hole, centred on it; None if there is none."""
+        coarse = self._choose_jaws(self.point)
+        closing = coarse.closing
+        across = cross(self.approach, closing)
+        depth_m = self.given.depth_m
+        if depth_m is None:
+            depth_m = min(_DEPTH_FRACTION * self.height_m, _MOST_DEPTH_M)
+            if self.given.hold == "inner":
+                depth_m = min(depth_m, max(self.hand.straight_jaw_m, _LEAST_DEPTH_M))
+        end_m = self.reach_m(self.outwards) - depth_m
+        tip = plus(coarse.tip, self.outwards, end_m - dot(coarse.tip, self.outwards))
+        half_m = self.hand.jaw_half_width_m
+        lines = [
+            plus(plus(tip, across, share * half_m), self.outwards, above * depth_m)
+            for share in _ACROSS
+            for above in _ABOVE
+        ]
+        spans = [self._trace_material(line, closing) for line in lines]
+        middle = spans[len(spans) // 2]
+        is_wall = self.given.hold == "wall"
+        if self.point is not None or not is_wall:
+            at_m = dot(tip, closing)
+        elif len(middle) < 2:
+            return None
+        else:
+            at_m = sum(middle[-1]) / 2
+        found = [_find_wall(span, at_m) if is_wall else _find_gap(span, at_m) for span in spans]
+        sides = [side for side in found if side is not None]
+        if not sides or (not is_wall and len(sides) < len(found)):
+            return None
+        lows_m, highs_m = zip(*sides, strict=True)
+        low_m, high_m = (min(lows_m), max(highs_m)) if is_wall else (max(lows_m), min(highs_m))
+        if high_m - low_m <= _RIM_M:
+            return None
+        tip = plus(tip, closing, (low_m + high_m) / 2 - dot(tip, closing))
+        return Grasp(GraspKind.JAWS, tip, closing, high_m - low_m, self.approach)
+
+    def _trace_material(self, through: Point, closing: Point) -> list[tuple[float, float]]:
+        """Return the stretches of a line in the part, from its origin along `closing` [m]."""
+        begin_m = -self.reach_m(_negate(closing)) - _BESIDE_M
+        start = plus(through, closing, begin_m - dot(through, closing))
+        spans = sorted(span for shape in self.shapes for span in _find_spans(shape, start, closing))
+        merged: list[tuple[float, float]] = []
+        for low, high in spans:
+            if merged and low <= merged[-1][1] + _RIM_M:
+                merged[-1] = merged[-1][0], max(merged[-1][1], high)
+            else:
+                merged.append((low, high))
+        return [(begin_m + low, begin_m + high) for low, high in merged]
 
     def _choose_jaws(self, point: Point | None) -> Grasp:
         named = self.given.closing_axis
@@ -200,6 +279,34 @@ def trace_ray_m(shapes: Iterable[Shape], start: Point, direction: Point) -> floa
     return min((span[0] for span in spans if span is not None), default=None)
 
 
+def _find_wall(spans: Sequence[tuple[float, float]], at_m: float) -> tuple[float, float] | None:
+    """Return the stretch of material at a place of a line, or None if there is none."""
+    return next((span for span in spans if span[0] - _RIM_M <= at_m <= span[1] + _RIM_M), None)
+
+
+def _find_gap(spans: Sequence[tuple[float, float]], at_m: float) -> tuple[float, float] | None:
+    """Return the gap between material on both sides of a place of a line, or None."""
+    below = max((high for _, high in spans if high <= at_m), default=None)
+    above = min((low for low, _ in spans if low >= at_m), default=None)
+    is_blocked = _find_wall(spans, at_m) is not None
+    return None if below is None or above is None or is_blocked else (below, above)
+
+
+def _find_spans(shape: Shape, start: Point, direction: Point) -> list[tuple[float, float]]:
+    """Return all stretches of a line inside a shape [m]."""
+    if not isinstance(shape, Mesh) or shape.convex:
+        span = _find_span(shape, start, direction)
+        return [] if span is None else [span]
+    events = sorted({(round(at, 9), side) for at, side in _list_crossings(shape, start, direction)})
+    spans, enters, inside = [], 0.0, 0
+    for at, side in events:
+        enters = at if inside == 0 and side < 0 else enters
+        inside -= side
+        if inside == 0:
+            spans.append((enters, at))
+    return spans
+
+
 def _find_span(shape: Shape, start: Point, direction: Point) -> tuple[float, float] | None:
     """Return the first and last distance at which a line is inside a shape [m], or None."""
     if isinstance(shape, Box):
@@ -238,6 +345,12 @@ def _cross_mantle(shape: Cylinder, start: Point, direction: Point) -> tuple[floa
 
 def _cross_mesh(shape: Mesh, start: Point, direction: Point) -> tuple[float, float] | None:
     """Return the span of a line from its first to its last crossing of a mesh."""
+    met = [at for at, _ in _list_crossings(shape, start, direction)]
+    return (min(met), max(met)) if met else None
+
+
+def _list_crossings(shape: Mesh, start: Point, direction: Point) -> list[tuple[float, int]]:
+    """Return where a line crosses faces of a mesh, with -1 into it and 1 out of it."""
     met = []
     for face in shape.faces:
         a, b, c = (shape.corners[index] for index in face)
@@ -252,8 +365,8 @@ def _cross_mesh(shape: Mesh, start: Point, direction: Point) -> tuple[float, flo
         along_u = dot(cross(inside, v), normal) / size
         along_v = dot(cross(u, inside), normal) / size
         if min(along_u, along_v, 1 - along_u - along_v) >= -1e-9:
-            met.append(distance)
-    return (min(met), max(met)) if met else None
+            met.append((distance, 1 if steep > 0 else -1))
+    return met
 
 
 def _intersect(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
@@ -319,6 +432,8 @@ def _describe_closing(grasp: Grasp) -> str:
 
 
 def _describe_kind(grasp: Grasp) -> str:
+    if grasp.is_inner:
+        return "from inside"
     return "by suction" if grasp.kind is GraspKind.SUCTION else "by jaws"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from skillplan.collision.boxes import WorldBox, box_at, sweep_hits
-from skillplan.domains.assembly.gripping import list_grasps
+from skillplan.domains.assembly.gripping import describe_candidates, list_grasps
 from skillplan.domains.assembly.holding import name_direction
 from skillplan.domains.assembly.insertion import list_directions, measure_insertion_m
 from skillplan.domains.assembly.layout import get_layout
@@ -83,7 +83,8 @@ def _find_wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
 
 
 def _is_narrow(grasp: Grasp, opening_m: float) -> bool:
-    return grasp.kind is GraspKind.SUCTION or grasp.width_m <= opening_m + _ROUNDING_M
+    apart_m = grasp.width_m - grasp.inside_m
+    return grasp.kind is GraspKind.SUCTION or apart_m <= opening_m + _ROUNDING_M
 
 
 def _find_blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
@@ -205,8 +206,14 @@ def list_choices(config: AssemblyConfig) -> Overview:
 
     Parts with one grasp and no given direction of insertion are left out.
     """
-    lines, entries = [], []
+    lines, entries, tried = [], [], []
     for name, part in config.moved_parts.items():
+        if part.grasp == "auto":
+            kept, refused = describe_candidates(config, name)
+            lines.append(f"grasp      {name} auto keeps {', '.join(kept)}")
+            lines += [f"grasp      {name} auto refuses {words}" for words in refused]
+            tried.append({"part": name, "kept": kept, "refused": refused})
+        lines += _describe_holds(config, name)
         grasps = [grasp.name for grasp in list_grasps(config, name) if grasp.name]
         directions = () if part.insert_along is None else list_directions(config, name)
         if not grasps and not directions:
@@ -222,4 +229,15 @@ def list_choices(config: AssemblyConfig) -> Overview:
         clauses += [f"is held at {' or '.join(grasps)}"] if grasps else []
         lines.append(f"ways       {name} {', '.join(clauses)}")
         entries.append({"part": name, "directions": stretches, "grasps": grasps})
-    return Overview({"ways": entries} if entries else {}, tuple(lines))
+    document = {"ways": entries, "automatic_grasps": tried}
+    return Overview({key: found for key, found in document.items() if found}, tuple(lines))
+
+
+def _describe_holds(config: AssemblyConfig, name: str) -> list[str]:
+    """Return a line for each grasp in a hole, with the measured width."""
+    return [
+        f"grasp      {name} {grasp.name or 'from inside'}: hole {grasp.width_m * 1e3:.1f} mm wide, "
+        f"closed jaws {grasp.inside_m * 1e3:.1f} mm"
+        for grasp in list_grasps(config, name)
+        if grasp.is_inner
+    ]

@@ -73,6 +73,10 @@ def is_absent(value: Any) -> bool:
     return value is None
 
 
+def _is_outer(value: Any) -> bool:
+    return bool(value == "outer")
+
+
 class GraspConfig(Strict):
     """A grasp of a part."""
 
@@ -83,6 +87,12 @@ class GraspConfig(Strict):
         [0.0, 0.0, -1.0],
         description="direction in the part's frame in which the hand points; left out: from the "
         "part's top, [0, 0, -1]",
+    )
+    hold: Literal["outer", "inner", "wall"] = Field(
+        "outer",
+        exclude_if=_is_outer,
+        description="outer: jaws close about the part; inner: they open inside a hole; wall: they "
+        "close about one wall, as of a ring, at 'at_m' or else on the far side",
     )
     closing_axis: Axis = Field(
         "auto",
@@ -98,7 +108,8 @@ class GraspConfig(Strict):
         None,
         exclude_if=is_absent,
         description="distance of the jaws when they hold it, which is the part's thickness at "
-        "'at_m' [m]; left out: extent of the held shapes",
+        "'at_m', or of their outer faces inside a hole [m]; left out: extent of the held shapes, "
+        "or measured on the wall or the hole",
     )
     at_m: PlanarOrSpatial | None = Field(
         None,

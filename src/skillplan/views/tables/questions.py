@@ -120,6 +120,10 @@ def _write_notes(explanation: Explanation) -> list[str]:
             f"with probability {outcome.probability:g}"
             for outcome in explanation.otherwise
         ),
+        *(
+            f"note          {note}"
+            for note in explanation.task.notes.get(explanation.skill.name, ())
+        ),
         *(f"{what:<13} {path}" for what, path in explanation.files.items()),
     ]
 

@@ -224,7 +224,7 @@ class SkillRunner(ControlledRobot):
             self.bind(subject)
             return
         helping = self.arm.grip(subject)
-        self.arm.close(self._grip_force_n)
+        self.arm.close(self._grip_force_n, outwards=grasp.is_inner)
         self.wait(self._jaws_s + _GRIP_S)
         self.world.release(helping)
         self.clasp(subject)
@@ -393,7 +393,7 @@ class SkillRunner(ControlledRobot):
             self.log.cups[subject] = self.bind(subject)
             self.wait(_SUCTION_S)
         else:
-            self.arm.close(self._grip_force_n)
+            self.arm.close(self._grip_force_n, outwards=self._held(motion).is_inner)
             self.wait(self._jaws_s + _GRIP_S)
         if self._bond is None:
             # Do this before the collision filters change: some engines then drop its contacts.
