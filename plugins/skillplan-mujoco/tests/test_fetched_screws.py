@@ -1,4 +1,4 @@
-"""A screw on its feeder touches nothing, and once it is fetched it runs into what is near."""
+"""Screws run into what is near: at their feeders once fetched, and with the shank below a part."""
 
 from __future__ import annotations
 
@@ -68,3 +68,54 @@ def test_what_a_screw_runs_into_at_its_feeder_is_named(content, obstacle, setup)
     verdict = verdict_of(content, setup)
     assert verdict.is_infeasible
     assert obstacle in verdict.reason.split(), verdict.reason
+
+
+def bridge(height_m: float) -> dict[str, Any]:
+    """Return a plate on two blocks, and a block of some height below the hole of a screw."""
+    leg = {"size_m": [0.06, 0.02, 0.03]}
+    block = {"tool": "gripper", "size_m": [0.1, 0.03, height_m]}
+    return {
+        "kind": "assembly",
+        "name": "bridge",
+        "robot": {"home_m": [0.4, -0.3]},
+        "tools": {
+            "gripper": {"type": "gripper", "holder_m": [0.25, 0.4]},
+            "screwdriver": {"type": "screwdriver", "holder_m": [0.4, 0.4]},
+        },
+        "initial_tool": "gripper",
+        "fixtures": {"left": {**leg, "at_m": [0.5, 0.04]}, "right": {**leg, "at_m": [0.5, -0.04]}},
+        "parts": {
+            "plate": {
+                "fixed": True,
+                "size_m": [0.06, 0.1, 0.008],
+                "goal_m": [0.5, 0.0],
+                "goal_on": ["left", "right"],
+            },
+            "block": {**block, "start_m": [0.55, 0.0], "goal_m": [0.45, -0.25]},
+        },
+        "screws": {
+            "screw": {
+                "tool": "screwdriver",
+                "through": "plate",
+                "hole_m": [0.515, 0.0],
+                "size": "M4",
+                "length_m": 0.02,
+            }
+        },
+    }
+
+
+@pytest.mark.parametrize(("height_m", "is_free"), [(0.014, True), (0.025, False)])
+def test_a_shank_runs_into_what_is_below_its_part(height_m, is_free, setup):
+    # The shank ends 18 mm above the table.
+    task = assembly(bridge(height_m))
+    facts = (
+        "at_start(block)",
+        "placed(plate)",
+        "hand_free",
+        "tool(screwdriver)",
+        "at(home)",
+        "fixed",
+    )
+    verdict = make_model(task, setup).verdict(task.facts.of(*facts), task.skill("fasten(screw)"))
+    assert verdict.is_feasible is is_free, verdict.reason

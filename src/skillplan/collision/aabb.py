@@ -19,6 +19,7 @@ from skillplan.collision.boxes import (
     box_at,
     centroid,
     contact_area,
+    shank_boxes,
     sweep_hits,
     world_box,
     world_boxes,
@@ -28,7 +29,7 @@ from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.motion import AXES, Event, Grasp, GraspKind, Visit
 from skillplan.task.pose import DOWN, Point, Pose, cross, dot, is_same_direction, plus, unit
-from skillplan.task.scene import WORLD, Body, Placement, Robot, Scene, Tool
+from skillplan.task.scene import WORLD, Body, Placement, Robot, Scene, Tool, name_shank
 from skillplan.task.shape import Box
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -141,6 +142,10 @@ def _sweep_load(
     if body is not None:
         boxes = world_boxes(body, Pose(origin, visit.pose.orientation))
         yield Sweep(label, body.name, boxes, by, spares, is_load=True)
+        if body.shank is not None:
+            shank = shank_boxes(body, Pose(origin, visit.pose.orientation))
+            passes = spares.union(body.shank.passes)
+            yield Sweep(label, f"the {name_shank(body.name)}", shank, by, passes, is_load=True)
     if tool is not None and tool.boxes:
         moved = plus(origin, visit.position, -1.0)
         boxes = tuple(_place_tool_box(scene, visit, load, box, moved) for box in tool.boxes)
@@ -276,7 +281,11 @@ class AabbDetector(Detector):
         self._swept_motions: dict[tuple[str, int], _SweptMotion] = {}
         self._arm_is_checked = False
         self._placed = tuple(
-            (body, placement, world_boxes(body, placement.pose))
+            (
+                body,
+                placement,
+                (*world_boxes(body, placement.pose), *shank_boxes(body, placement.pose)),
+            )
             for body in task.scene.bodies
             for placement in body.placements
             if placement.solid and placement.frame == WORLD

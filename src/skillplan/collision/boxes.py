@@ -27,6 +27,11 @@ def world_boxes(body: Body, pose: Pose) -> tuple[WorldBox, ...]:
     return tuple(box_at(box, pose) for box in body.boxes)
 
 
+def shank_boxes(body: Body, pose: Pose) -> tuple[WorldBox, ...]:
+    """Return the box of a screw's shank at a pose; empty for other bodies."""
+    return () if body.shank is None else (box_at(body.shank.shape.box, pose),)
+
+
 def box_at(box: Box, pose: Pose) -> WorldBox:
     """Return the axis-aligned hull of a box for a body at a pose."""
     if pose.is_upright:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import chain, pairwise, product
 from typing import TYPE_CHECKING
 
 from skillplan.collision.boxes import WorldBox
@@ -403,6 +403,26 @@ class Solid:
         """Return the height of the highest surface at a point in plan [m], or None."""
         tops_m = [top_m for piece in self.pieces if (top_m := piece.top_m(x_m, y_m)) is not None]
         return max(tops_m, default=None)
+
+    def spans_m(self, start: Point, direction: Point) -> list[tuple[float, float]]:
+        """Return the stretches of a line within the body, as distances from its start [m].
+
+        Parameters
+        ----------
+        direction
+            Unit vector in the world. Stretches before the start have negative distances.
+        """
+        # Imports numpy.
+        from skillplan.collision.surface import find_spans
+
+        spans: list[tuple[float, float]] = []
+        all_spans = (find_spans(piece.surface, start, direction) for piece in self.pieces)
+        for begin_m, end_m in sorted(chain.from_iterable(all_spans)):
+            if spans and begin_m <= spans[-1][1] + _ROUNDING_M:
+                spans[-1] = (spans[-1][0], max(spans[-1][1], end_m))
+            else:
+                spans.append((begin_m, end_m))
+        return spans
 
     def way_out_m(self, other: Solid) -> float:
         """Return the shift that separates two bodies [m]; 0 if they are disjoint.

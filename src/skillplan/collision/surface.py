@@ -399,6 +399,48 @@ def find_top(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
     return float(tops.max()) if len(tops) else None
 
 
+# Crossings of neighbouring faces at their common edge differ by less than this [m].
+_SAME_CROSSING_M = 1e-9
+
+
+def find_spans(
+    surface: Polyhedron, start: tuple[float, float, float], direction: tuple[float, float, float]
+) -> list[tuple[float, float]]:
+    """Return the stretches of a line within a surface, as distances from its start [m].
+
+    Parameters
+    ----------
+    direction
+        Unit vector. Stretches before the start have negative distances.
+    """
+    begin, along = np.array(start), np.array(direction)
+    first, second, third = (surface.triangles[:, corner] for corner in range(3))
+    normals = np.cross(second - first, third - first)
+    steep = normals @ along
+    faces = np.flatnonzero(np.abs(steep) > 1e-9 * np.linalg.norm(normals, axis=1))
+    normals, steep = normals[faces], steep[faces]
+    distances = np.einsum("ij,ij->i", normals, first[faces] - begin) / steep
+    points = begin + distances[:, None] * along
+    inside = np.ones(len(faces), dtype=bool)
+    for one, other in ((first, second), (second, third), (third, first)):
+        turn = np.cross(other[faces] - one[faces], points - one[faces])
+        inside &= np.einsum("ij,ij->i", turn, normals) >= -1e-12 * np.abs(steep)
+    spans: list[tuple[float, float]] = []
+    depth, entered, last = 0, 0.0, (math.nan, False)
+    for distance, leaves in sorted(
+        zip(distances[inside].tolist(), (steep[inside] > 0).tolist(), strict=True)
+    ):
+        if leaves is last[1] and abs(distance - last[0]) < _SAME_CROSSING_M:
+            continue
+        last = (distance, leaves)
+        if not leaves and depth == 0:
+            entered = distance
+        if leaves and depth == 1:
+            spans.append((entered, distance))
+        depth = max(0, depth + (-1 if leaves else 1))
+    return spans
+
+
 def _collect_heights(upper: Polyhedron, lower: Polyhedron) -> Floats:
     """Return gaps between `upper` and `lower`; empty if they do not overlap in plan."""
     return np.concatenate([np.empty(0), *_list_heights(upper, lower)])

@@ -33,6 +33,7 @@ from skillplan.task.scene import (
     GraspKind,
     Robot,
     Scene,
+    Shank,
     Tool,
     ToolKind,
 )
@@ -275,7 +276,10 @@ def _plan_linear_motion(
     drop_m = _choose_drop_m(visit, drop_height_m)
     tip = _find_tip(task, visit, grasp)
     body = None if grasp is None else task.scene.body(visit.subject)
-    if body is None or visit.pose.is_upright:
+    shank = _find_shank(task, visit)
+    if shank is not None:
+        low_m = visit.position[2] - _lower_m(shank.shape, visit.pose)
+    elif body is None or visit.pose.is_upright:
         # The origin of an upright body is at its bottom.
         low_m = visit.position[2]
     else:
@@ -319,6 +323,17 @@ def _plan_linear_motion(
 
 def _measure_beyond_m(tool: Tool | None) -> float:
     return 0.0 if tool is None else tool.beyond_m
+
+
+def _find_shank(task: Task, visit: Visit) -> Shank | None:
+    """Return the shank of the screw that a visit fetches or drives, if it is modelled."""
+    handles = visit.event in (Event.FETCH, Event.DRIVE)
+    return task.scene.body(visit.subject).shank if handles else None
+
+
+def _lower_m(shape: Shape, pose: Pose) -> float:
+    """Return how far a shape at a pose reaches below its origin [m], >= 0."""
+    return max(0.0, shape.reach_m(pose.inverse().rotate(DOWN)))
 
 
 def _choose_drop_m(visit: Visit, drop_height_m: float) -> float:

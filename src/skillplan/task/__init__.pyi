@@ -29,6 +29,7 @@ from .scene import Body as Body
 from .scene import Placement as Placement
 from .scene import Robot as Robot
 from .scene import Scene as Scene
+from .scene import Shank as Shank
 from .scene import Tool as Tool
 from .scene import ToolKind as ToolKind
 from .scene import Zone as Zone
@@ -88,6 +89,7 @@ __all__ = [
     "Robot",
     "Route",
     "Scene",
+    "Shank",
     "Skill",
     "State",
     "TableCost",

@@ -33,6 +33,7 @@ __all__ = [
     "Quaternion",
     "Robot",
     "Scene",
+    "Shank",
     "Shape",
     "Tool",
     "ToolKind",
@@ -81,6 +82,33 @@ class Fit:
     play_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class Shank:
+    """The shank of a screw, below the origin of its body.
+
+    Parameters
+    ----------
+    diameter_m, length_m
+        Diameter and length [m], > 0.
+    passes
+        Names of the bodies with a hole or a thread for it.
+    """
+
+    diameter_m: float
+    length_m: float
+    passes: tuple[str, ...] = ()
+
+    @property
+    def shape(self) -> Cylinder:
+        """The shank in the frame of the body."""
+        return Cylinder(self.diameter_m, self.length_m, (0.0, 0.0, -self.length_m / 2))
+
+
+def name_shank(screw: str) -> str:
+    """Return the name of a screw's shank in verdicts, without an article."""
+    return f"shank of {screw}"
+
+
 @dataclass(frozen=True)
 class Body:
     """A rigid body made of boxes, cylinders and meshes.
@@ -104,6 +132,8 @@ class Body:
         Fits that `shapes` leave more room than the exact shapes.
     fixed
         True for a body that nothing moves, however it is pushed.
+    shank
+        Shank of a screw; its shapes are the head alone. None if it is not modelled.
     """
 
     name: str
@@ -114,6 +144,7 @@ class Body:
     surfaces: tuple[Shape, ...] = ()
     fits: tuple[Fit, ...] = ()
     fixed: bool = False
+    shank: Shank | None = None
 
     def __post_init__(self) -> None:
         if not self.shapes:
@@ -132,6 +163,11 @@ class Body:
     def exact_shapes(self) -> tuple[Shape, ...]:
         """The exact shapes, convex or not."""
         return self.surfaces or self.shapes
+
+    @property
+    def drawn_shapes(self) -> tuple[Shape, ...]:
+        """The exact shapes, and the shank of a screw."""
+        return self.exact_shapes if self.shank is None else (*self.exact_shapes, self.shank.shape)
 
     @property
     def boxes(self) -> tuple[Box, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import Capsule, Hand, Hull, Joint, Rod
-from skillplan.task.scene import Body, Robot
+from skillplan.task.scene import Body, Robot, name_shank
 from skillplan.task.shape import Box, Cylinder, Shape
 from skillplan_pinocchio.arm_model import assume_masses
 from skillplan_pinocchio.kinematics.serial_arm import make_placement
@@ -329,6 +329,12 @@ def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
     part.gravcomp = 1.0
     for shape in body.shapes:
         set_contact(add_shape(spec, part, shape), friction)
+    if body.shank is not None:
+        # A body of its own passes through others than the head does.
+        shank = part.add_body(name=name_shank(body.name))
+        geom = add_shape(spec, shank, body.shank.shape)
+        set_contact(geom, friction)
+        geom.mass = 0.0
 
 
 def get_parking_position(number: int) -> tuple[float, float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import Hand
-from skillplan.task.scene import Body, Pose
+from skillplan.task.scene import Body, Pose, name_shank
 from skillplan_mujoco.cell import Cell
 from skillplan_mujoco.cell_model import FRICTIONAL
 from skillplan_simulation.simulator import ROBOT, TABLE, Touch, UpsetError
@@ -209,6 +209,10 @@ class World:
         """
         number = self.numbers[body.name] = self.ids[body.name]
         self._masses[body.name] = body.mass_kg
+        if body.shank is not None:
+            shank = name_shank(body.name)
+            self.numbers[shank] = self.ids[shank]
+            self._masks.part(shank, body.shank.passes)
         if not body.fixed:
             self.model.body_gravcomp[number] = 0.0
             self.put(body.name, pose)

@@ -20,7 +20,7 @@ from skillplan.physics.linear_motions import (
 from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import AXES, Event
 from skillplan.task.pose import Point, Pose, cross, plus
-from skillplan.task.scene import WORLD, Robot, Scene, Tool, ToolKind
+from skillplan.task.scene import WORLD, Robot, Scene, Tool, ToolKind, name_shank
 from skillplan.task.shape import Cylinder, Mesh, Shape
 from skillplan_pinocchio.motion_plan import get_spared_bodies
 from skillplan_pinocchio.shapes import (
@@ -30,6 +30,7 @@ from skillplan_pinocchio.shapes import (
     compute_box_corners,
     compute_cylinder_corners,
     make_pieces,
+    make_shank_pieces,
     make_standing_pieces,
     place_at,
     place_upright,
@@ -251,8 +252,13 @@ class HandSweeps:
         if carried is None or carried != motion.visit.subject:
             return
         offset = _subtract(motion.grasp_tip, begin)
-        pieces = make_pieces(self.scene.body(carried), motion.visit.pose.moved(offset))
-        yield Sweep(label, carried, pieces, by, get_spared_bodies(motion), is_load=True)
+        body, pose = self.scene.body(carried), motion.visit.pose.moved(offset)
+        spares = get_spared_bodies(motion)
+        yield Sweep(label, carried, make_pieces(body, pose), by, spares, is_load=True)
+        if body.shank is not None:
+            shank = make_shank_pieces(body, pose)
+            passes = spares.union(body.shank.passes)
+            yield Sweep(label, f"the {name_shank(carried)}", shank, by, passes, is_load=True)
 
     def _hands(
         self, label: str, motion: LinearMotion, begin: Point, by: Point, *, after: bool

@@ -170,6 +170,12 @@ def make_standing_pieces(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
     )
 
 
+def make_shank_pieces(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
+    """Return the shank of a screw at a pose; empty for other bodies."""
+    shank = body.shank
+    return () if shank is None else (ConvexPiece(place_at(get_corners(shank.shape), pose)),)
+
+
 def place_at(corners: Array, pose: Pose) -> Array:
     """Transform corners into the parent frame of a pose, shape (corners, 3)."""
     if pose.is_upright:
@@ -253,7 +259,14 @@ def collect_obstacles(scene: Scene) -> tuple[Obstacle, ...]:
     return (
         Obstacle(TABLE, None, (make_table(),)),
         *(
-            Obstacle(body.name, placement.fact, make_standing_pieces(body, placement.pose))
+            Obstacle(
+                body.name,
+                placement.fact,
+                (
+                    *make_standing_pieces(body, placement.pose),
+                    *make_shank_pieces(body, placement.pose),
+                ),
+            )
             for body in scene.bodies
             for placement in body.placements
             if placement.solid and placement.frame == WORLD

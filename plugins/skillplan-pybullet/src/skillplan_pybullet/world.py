@@ -14,7 +14,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from skillplan.task.scene import Body, Pose
+from skillplan.task.scene import Body, Pose, name_shank
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.mass_properties import MassProperties, compute_mass_properties
 from skillplan_pybullet.quiet_output import quiet_output
@@ -31,6 +31,8 @@ _TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybull
 # Maximum number of shapes of a body; with more, pybullet writes out of bounds and crashes.
 _MOST_SHAPES = 16
 _SIDES = 64
+# Link of a screw that is its shank.
+_SHANK_LINK = 0
 
 
 def make_body(
@@ -39,6 +41,7 @@ def make_body(
     *,
     mass_kg: float,
     centre: NDArray[np.float64],
+    shank: Shape | None = None,
 ) -> int:
     """Make a body whose origin is its centre of mass; return its number.
 
@@ -50,6 +53,8 @@ def make_body(
         Mass [kg]; 0 for a fixed body.
     centre
         Centre of mass in the frame of the shapes [m], shape (3,).
+    shank
+        Shank of a screw: a link of its own, which passes through others than the head does.
     """
     # pybullet reads meshes from files only.
     has_mesh = any(isinstance(shape, Mesh) for shape in solid)
@@ -71,7 +76,31 @@ def make_body(
             flags=[_get_flags(shape) for shape in firsts],
             physicsClientId=client,
         )
-        return int(pybullet.createMultiBody(mass_kg, collision, physicsClientId=client))
+        links = {} if shank is None else _make_shank_link(client, shank, centre)
+        return int(pybullet.createMultiBody(mass_kg, collision, physicsClientId=client, **links))
+
+
+def _make_shank_link(
+    client: int, shank: Shape, centre: NDArray[np.float64]
+) -> dict[str, list[Any]]:
+    """Return the arguments that fix a shank to its head."""
+    size = shank.box.size
+    collision = pybullet.createCollisionShape(
+        pybullet.GEOM_CYLINDER, radius=size[0] / 2, height=size[2], physicsClientId=client
+    )
+    nowhere, unturned = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]
+    return {
+        "linkMasses": [0.0],
+        "linkCollisionShapeIndices": [collision],
+        "linkVisualShapeIndices": [-1],
+        "linkPositions": [(_get_origin(shank) - centre).tolist()],
+        "linkOrientations": [unturned],
+        "linkInertialFramePositions": [nowhere],
+        "linkInertialFrameOrientations": [unturned],
+        "linkParentIndices": [0],
+        "linkJointTypes": [pybullet.JOINT_FIXED],
+        "linkJointAxis": [[0.0, 0.0, 1.0]],
+    }
 
 
 def _bundle_shapes(shapes: Sequence[Shape]) -> list[Sequence[Shape]]:
@@ -153,6 +182,16 @@ class PairFilter:
         # Pairs that pass through each other, and links without collisions.
         self._parted: set[tuple[str, str]] = set()
         self._withdrawn: dict[str, frozenset[int]] = {}
+        # Bodies that the shanks of screws pass through.
+        self._passes: dict[str, tuple[str, ...]] = {}
+
+    def pass_through(self, screw: str, others: Iterable[str]) -> None:
+        """Let the shank of a screw pass through others, also through those added later."""
+        self._passes[screw] = tuple(others)
+
+    def has_shank(self, name: str) -> bool:
+        """Return whether a body is a screw with a shank."""
+        return name in self._passes
 
     def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
@@ -186,6 +225,10 @@ class PairFilter:
         for first, second in sorted(self._parted):
             if body in (first, second):
                 self._set_filters(first, self._links(first), second)
+        for screw, others in self._passes.items():
+            for other in others:
+                if body in (screw, other) and {screw, other} <= self._numbers.keys():
+                    self._set_filters(screw, [_SHANK_LINK], other)
 
     def _links(self, name: str) -> range:
         """Return the numbers of a body's links, from -1 for its base."""
@@ -199,6 +242,9 @@ class PairFilter:
         for link in links:
             for other_link in self._links(other):
                 may = not parted and link not in hidden and other_link not in others_hidden
+                if self._passes:
+                    may = may and not self._is_in_hole(name, link, other)
+                    may = may and not self._is_in_hole(other, other_link, name)
                 pybullet.setCollisionFilterPair(
                     self._numbers[name],
                     self._numbers[other],
@@ -207,6 +253,10 @@ class PairFilter:
                     int(may),
                     physicsClientId=self._client,
                 )
+
+    def _is_in_hole(self, name: str, link: int, other: str) -> bool:
+        """Return whether a link is a shank that passes through another body."""
+        return link == _SHANK_LINK and other in self._passes.get(name, ())
 
 
 def _sort_pair(name: str, other: str) -> tuple[str, str]:
@@ -314,7 +364,10 @@ class World:
             body.exact_shapes if is_fixed else body.shapes,
             mass_kg=0.0 if is_fixed else body.mass_kg,
             centre=properties.centre,
+            shank=None if body.shank is None else body.shank.shape,
         )
+        if body.shank is not None:
+            self._filter.pass_through(body.name, body.shank.passes)
         self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
         self._hollow.pop(body.name, None)
         self._still.discard(body.name)
@@ -493,16 +546,26 @@ class World:
         """Return the body that touches or is nearest to another within 0.5 mm, or None."""
         close: list[tuple[float, str]] = []
         for other in self.others(name) if others is None else sorted(others):
-            points = pybullet.getClosestPoints(
-                self.numbers[name], self.numbers[other], _NEAR_M, physicsClientId=self.client
-            )
+            points = self._find_closest(name, other, _NEAR_M)
             close += [(point[_DISTANCE], other) for point in points]
         return min(close)[1] if close else None
 
     def is_near(self, name: str, other: str, distance_m: float) -> bool:
         """Return whether two bodies are within a distance [m]."""
+        return bool(self._find_closest(name, other, distance_m))
+
+    def _find_closest(self, name: str, other: str, distance_m: float) -> Sequence[Any]:
+        """Return the closest points of two bodies; the shanks of screws do not count."""
         numbers = self.numbers[name], self.numbers[other]
-        return bool(pybullet.getClosestPoints(*numbers, distance_m, physicsClientId=self.client))
+        heads = {
+            f"linkIndex{side}": -1
+            for side, body in (("A", name), ("B", other))
+            if self._filter.has_shank(body)
+        }
+        points: Sequence[Any] = pybullet.getClosestPoints(
+            *numbers, distance_m, physicsClientId=self.client, **heads
+        )
+        return points
 
     def touches(self) -> list[Touch]:
         """Return the contacts of the last step."""
@@ -534,7 +597,9 @@ class World:
 
     def _named(self, number: int, link: int) -> str:
         name = self.names[number]
-        return self.link_names.get(link, ROBOT) if name == ROBOT else name
+        if name == ROBOT:
+            return self.link_names.get(link, ROBOT)
+        return name_shank(name) if link == _SHANK_LINK else name
 
     def fasten(self, name: str, other: str) -> None:
         """Fix a body to another in its current pose; from now on they pass through each other."""

@@ -83,6 +83,7 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
         yield from check(screw.tool, config.tools, "tool", *here, "tool")
         yield from check(screw.through, config.parts, "part", *here, "through")
         yield from check(screw.feeder, config.feeders, "feeder", *here, "feeder")
+        yield from _check_threads(config, name)
     components = [*config.moved_parts, *config.screws]
     if not components:
         yield Issue(
@@ -96,6 +97,21 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
                 yield Issue(
                     f"{after!r} cannot come before itself. Leave it out.", ("chart", i, "after", j)
                 )
+
+
+def _check_threads(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+    """Yield unknown and repeated names of the bodies that a screw's thread goes into."""
+    screw, bodies = config.screws[name], [*config.parts, *config.fixtures]
+    names = screw.into_names
+    for index, body in enumerate(names):
+        path = ("screws", name, "into", index) if len(names) > 1 else ("screws", name, "into")
+        if body not in bodies:
+            kind = "part or fixture"
+            yield Issue(f"unknown {kind} {body!r}. {name_hint(body, bodies)}", path)
+        elif body == screw.through:
+            yield Issue(f"{body!r} is 'through' already. Leave it out.", path)
+        elif body in names[:index]:
+            yield Issue(f"{body!r} stands twice. Keep one.", path)
 
 
 def _check_supports(config: AssemblyConfig, name: str) -> Iterator[Issue]:

@@ -12,6 +12,7 @@ from skillplan.domains.assembly.overview import (
     find_assumptions,
     find_hints,
     list_choices,
+    list_screws,
     list_supports,
 )
 from skillplan.domains.assembly.schema import AssemblyConfig
@@ -43,10 +44,11 @@ class AssemblyDomain(Domain):
         return (*find_hints(config), *(find_zone_hints(config) if config.zones else ()))
 
     def overview(self, config: Any) -> Overview:
-        """Return supports and meshes of parts, zones, and choices of grasps and insertions."""
-        overviews = (list_supports(config), list_zones(config), list_choices(config))
-        document = {key: value for view in overviews for key, value in view.document.items()}
-        return Overview(document, tuple(line for view in overviews for line in view.lines))
+        """Return supports, meshes, zones, screws, and choices of grasps and insertions."""
+        listings = list_supports, list_zones, list_choices, list_screws
+        views = [listing(config) for listing in listings]
+        document = {key: value for view in views for key, value in view.document.items()}
+        return Overview(document, tuple(line for view in views for line in view.lines))
 
     def has_family(self, config: Any) -> bool:
         """Return True if the file has a block ``family``."""

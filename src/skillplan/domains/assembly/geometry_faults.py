@@ -11,11 +11,12 @@ from skillplan.collision.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.gripping import find_grasp_issues
 from skillplan.domains.assembly.holding import trace_ray_m
 from skillplan.domains.assembly.insertion import find_insertion_issues
-from skillplan.domains.assembly.layout import get_layout, list_rim
+from skillplan.domains.assembly.layout import LEAST_RIM, get_layout, list_rim
 from skillplan.domains.assembly.part_meshes import build_origin_hint, find_piece_issues
 from skillplan.domains.assembly.part_schema import PartConfig, Shaped
 from skillplan.domains.assembly.resting import find_resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.screw_holes import find_shank_issues
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.errors import Issue
 from skillplan.task.motion import AXES
@@ -24,8 +25,8 @@ from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus
 _MAX_SHAPES = 1024
 # More than twice the density of the densest chemical element [kg/m3].
 _MOST_DENSITY_KG_M3 = 50_000.0
-# Least share of the rim of a screw's head that rests on its part.
-_LEAST_RIM = 5 / 6
+# Ring about the head of a screw that is still on its part, in its radii.
+_FAR_RIM = 3.0
 # Start of a ray above the mouth of a hole [m].
 _FAR_M = 0.002
 
@@ -68,7 +69,8 @@ def find_geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     yield from find_insertion_issues(config)
     yield from _find_unreachable_places(config)
     yield from find_resting_issues(config)
-    yield from _find_hole_issues(config)
+    holes = list(_find_hole_issues(config))
+    yield from holes or find_shank_issues(config)
 
 
 def measure_distances_m(config: AssemblyConfig) -> dict[tuple[str, str, str], float]:
@@ -212,6 +214,14 @@ def _find_hole_issues(config: AssemblyConfig) -> Iterator[Issue]:
             yield Issue(message, ("screws", name, "hole_m"))
     for name, screw in config.screws.items():
         if _is_vertical(screw) and not _has_upright_rest(config, screw):
+            if _falls_in(config, screw):
+                width_mm = screw.head_diameter_m * 1e3
+                message = (
+                    f"the head of {name!r}, {width_mm:.1f} mm wide, falls into the hole in "
+                    f"{screw.through!r}. Give 'size', or a wider head."
+                )
+                yield Issue(message, ("screws", name, "hole_m"))
+                continue
             message = f"the hole does not lie over the top of {screw.through!r}. Move it"
             if "axis" not in screw.model_fields_set:
                 message += ", or give 'axis' if the screw does not go straight down"
@@ -241,6 +251,19 @@ def _has_upright_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     )
 
 
+def _falls_in(config: AssemblyConfig, screw: ScrewConfig) -> bool:
+    """Return True if a hole in a part is wider than the head, all round."""
+    layout = get_layout(config)
+    through, (x_m, y_m, z_m) = layout.goal(screw.through), layout.hole(screw)
+
+    def is_open(share: float) -> bool:
+        rim = [(x_m + share * dx_m, y_m + share * dy_m) for dx_m, dy_m in list_rim(screw)]
+        tops_m = [through.top_m(*point) for point in rim]
+        return all(top_m is None or top_m < z_m - TOUCH_M for top_m in tops_m)
+
+    return is_open(1.0) and not is_open(_FAR_RIM)
+
+
 def _bears_rim(rises_m: Sequence[float]) -> bool:
     """Return True if the rim of a head rests on the part, and nowhere enters it.
 
@@ -252,7 +275,7 @@ def _bears_rim(rises_m: Sequence[float]) -> bool:
         Heights of the part's surface above the seat at equal steps round the rim [m].
     """
     rests = sum(abs(rise_m) <= TOUCH_M for rise_m in rises_m)
-    return max(rises_m) <= TOUCH_M and rests >= _LEAST_RIM * len(rises_m)
+    return max(rises_m) <= TOUCH_M and rests >= LEAST_RIM * len(rises_m)
 
 
 def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:

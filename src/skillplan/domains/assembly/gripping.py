@@ -102,7 +102,7 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
             kind = choose_tool_kind(config, name)
             message = f"a tool of type {kind} has no jaws. Leave it out, or give type: gripper."
             yield Issue(message, ("tools", name, "opening_m"))
-        for key in ("bit_length_m", "bit_diameter_m"):
+        for key in ("bit_length_m", "bit_diameter_m", "torque_nm", "speed_rpm"):
             kind = choose_tool_kind(config, name)
             if getattr(tool, key) is not None and kind is not ToolKind.SCREWDRIVER:
                 message = f"a tool of type {kind} has no bit. Leave it out."

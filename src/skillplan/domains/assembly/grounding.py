@@ -24,6 +24,8 @@ from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.resting import find_bearers
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kinds, make_point
+from skillplan.domains.assembly.screw_holes import find_driving, find_shank
+from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, FIXED, HAND_FREE, HOME, NO_TOOL
 from skillplan.task.cost import Cost, DistanceCost, WeightedCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
@@ -47,6 +49,8 @@ from skillplan.task.zone import SlowTravel
 MOST_STEPS = 100_000
 """Greatest step limit of a file."""
 
+# Least stretch along the axis of a screw with a shank [m].
+_LEAST_STRETCH_M = 0.05
 # Mass of a fixture [kg]: no back end moves it.
 _FIXTURE_KG = 1.0
 # Greatest probability that a part is left behind after all tries that the step limit allows.
@@ -68,6 +72,7 @@ class _Grounding:
         self.beneath = {name: find_bearers(config, name) for name in config.parts}
         self.positions = self._list_positions()
         self.places = {self.facts.bit(f"at({name})"): p for name, p in self.positions.items()}
+        self.drivings = {name: find_driving(config, name) for name in config.screws}
         self.stands = self.facts.of(*(f"at({name})" for name in self.positions))
         self.slow = self._build_slow_travel()
         self.behind_m = {
@@ -172,7 +177,12 @@ class _Grounding:
             for path, owner in owners
             for kind in list_given_kinds(owner)
         ]
-        return (*paths, "durations_s")
+        driven = [
+            f"screws.{name}: {driving.source}"
+            for name, driving in self.drivings.items()
+            if driving.is_computed
+        ]
+        return (*paths, *driven, "durations_s")
 
     def _list_positions(self) -> dict[str, Point]:
         """Return the position of every place [m], in the order of the vocabulary."""
@@ -323,9 +333,20 @@ class _Grounding:
     def _build_fasten(self, name: str) -> Skill:
         config, screw = self.config, self.config.screws[name]
         owners = screw, config.tools[screw.tool]
-        drive_s = find_dwell_s("fasten", config.durations_s, *owners)
+        drive_s = self.drivings[name].takes_s
         hole = self.layout.hole_pose(screw)
-        visits = [Visit(hole, Event.DRIVE, name, along=screw.direction, dwell_s=drive_s)]
+        # The shank leaves its hole on the straight stretch.
+        stretch_m = None if screw.length_m is None else max(screw.length_m, _LEAST_STRETCH_M)
+        visits = [
+            Visit(
+                hole,
+                Event.DRIVE,
+                name,
+                along=screw.direction,
+                insert_m=stretch_m,
+                dwell_s=drive_s,
+            )
+        ]
         if screw.feeder is not None:
             fetch_s = find_dwell_s("fetch", config.durations_s, *owners)
             feeder = Pose(config.feeders[screw.feeder].position)
@@ -333,7 +354,7 @@ class _Grounding:
         return self._build_skill(
             "fasten",
             name,
-            requires=[HAND_FREE, f"tool({screw.tool})"],
+            requires=[HAND_FREE, f"tool({screw.tool})", *self._list_threads(screw)],
             forbids=[f"fastened({name})"],
             add=[f"fastened({name})"],
             delete=[],
@@ -341,6 +362,11 @@ class _Grounding:
             routes={None: visits},
             parameters={"screw": name, "tool": screw.tool, "part": screw.through},
         )
+
+    def _list_threads(self, screw: ScrewConfig) -> list[str]:
+        """Return the facts that the parts with a screw's thread are in place."""
+        parts = self.config.parts
+        return [f"placed({name})" for name in screw.into_names if name in parts]
 
     def _build_swap(self, tool: str) -> Skill:
         """Return the action that offloads the attached tool and loads `tool`."""
@@ -498,7 +524,7 @@ def _build_screw(config: AssemblyConfig, name: str) -> Body:
     height_m = screw.head_height_m
     head = Cylinder(screw.head_diameter_m, height_m, (0.0, 0.0, height_m / 2))
     driven = Placement(f"fastened({name})", get_layout(config).hole_pose(screw))
-    return Body(name, (head,), (driven,), screw.mass_kg)
+    return Body(name, (head,), (driven,), screw.mass_kg, shank=find_shank(config, name))
 
 
 def _build_fixture(config: AssemblyConfig, name: str) -> Body:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
-from skillplan.collision.solid import Solid
+from skillplan.collision.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.task.motion import AXES
@@ -25,6 +25,10 @@ _KEPT = 4
 
 # Distance of points under the rim of a screw's head from its axis, in radii; number of them.
 _RIM_SHARE, _RIM_POINTS = 0.96, 12
+# Rings on which the rim of a hole is looked for, in those distances: a head may be left out.
+_RIM_SHARES = (1.0, 1.25, 1.5, 2.0, 3.0)
+LEAST_RIM = 5 / 6
+"""Least share of the rim of a screw's head that rests on its part."""
 
 _recent: tuple[Layout, ...] = ()
 
@@ -102,18 +106,38 @@ class Layout:
         return self._goals[name]
 
     def hole(self, screw: ScrewConfig) -> Point:
-        """Return the mouth of a screw's hole [m]: as given, or on top of its part."""
+        """Return the mouth of a screw's hole [m]: as given, or at the surface of its part."""
         if len(screw.hole_m) > 2:
             x_m, y_m, z_m = screw.hole_m
             return (x_m, y_m, z_m)
         x_m, y_m = screw.hole_m
-        through = self.goal(screw.through)
-        tops_m = [through.top_m(x_m, y_m)]
-        if tops_m[0] is None:
-            # The hole is modelled: the head rests on the face about it.
-            tops_m = [through.top_m(x_m + dx_m, y_m + dy_m) for dx_m, dy_m in list_rim(screw)]
-        known_m = [top_m for top_m in tops_m if top_m is not None]
-        return (x_m, y_m, _round_height(max(known_m, default=through.box.high[2])))
+        through, up = self.goal(screw.through), 1.0 if screw.direction[2] < 0 else -1.0
+
+        def face_m(at_x_m: float, at_y_m: float) -> float | None:
+            """Return the height of the outer face at a point; of an underside, negative."""
+            if up > 0:
+                return through.top_m(at_x_m, at_y_m)
+            spans_m = through.spans_m((at_x_m, at_y_m, 0.0), AXES["z"])
+            return -spans_m[0][0] if spans_m else None
+
+        on_axis_m = face_m(x_m, y_m)
+        for share in _RIM_SHARES:
+            rim_m = [
+                height_m
+                for dx_m, dy_m in list_rim(screw)
+                if (height_m := face_m(x_m + share * dx_m, y_m + share * dy_m)) is not None
+            ]
+            # A wall beside the head may be higher than the face that most of the rim is on.
+            level_m = max(rim_m, key=partial(_count_near, rim_m), default=-math.inf)
+            rests = _count_near(rim_m, level_m)[0] >= LEAST_RIM * _RIM_POINTS
+            if rests and (on_axis_m is None or level_m > on_axis_m + TOUCH_M):
+                seat_m = max(z_m for z_m in rim_m if z_m <= level_m + TOUCH_M)
+                return (x_m, y_m, up * _round_height(seat_m))
+            if on_axis_m is not None:
+                # The hole is not modelled.
+                return (x_m, y_m, up * _round_height(on_axis_m))
+        default_m = through.box.high[2] if up > 0 else -through.box.low[2]
+        return (x_m, y_m, up * _round_height(default_m))
 
     def hole_pose(self, screw: ScrewConfig) -> Pose:
         """Return the pose of a hole's mouth; the screw goes in along its -z axis."""
@@ -155,6 +179,11 @@ class Layout:
         # The lowest point of a turned part is at that height, not its origin.
         z_m = _round_height(2 * height_m - solid.box.low[2])
         return Solid(shapes, Pose.turned((x_m, y_m, z_m), turn_rad))
+
+
+def _count_near(heights_m: list[float], level_m: float) -> tuple[int, float]:
+    """Return the number of heights at a level, and the level [m]."""
+    return sum(abs(height_m - level_m) <= TOUCH_M for height_m in heights_m), level_m
 
 
 def _round_height(length_m: float) -> float:

@@ -15,6 +15,7 @@ from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig
 from skillplan.domains.assembly.resting import Rest, find_goal_rests, find_start_rests
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig, list_given_kinds
+from skillplan.domains.assembly.screw_holes import find_driving, find_shank
 from skillplan.domains.domain import Overview
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import grasp_boxes
@@ -181,6 +182,41 @@ def list_supports(config: AssemblyConfig) -> Overview:
     extra = {"fixtures": fixtures, "meshes": meshes, "pieces": pieces}
     document = {"rests": entries, **{key: values for key, values in extra.items() if values}}
     return Overview(document, (*lines, *origins, *more))
+
+
+def list_screws(config: AssemblyConfig) -> Overview:
+    """Return how the screws with a size are driven, as text and JSON."""
+    lines, entries = [], []
+    for name, screw in config.screws.items():
+        if screw.size is None:
+            continue
+        driving = find_driving(config, name)
+        into = f" into {' and '.join(screw.into_names)}" if screw.into else ""
+        torque = "" if screw.torque_nm is None else f", {screw.torque_nm:g} N m"
+        begin = f"screw      {name} {screw.describe()} through {screw.through}{into}{torque}"
+        stands_in = [] if screw.shank is None else _list_feeder_bodies(config, name)
+        if stands_in:
+            begin += f", in {screw.feeder} its shank is in {_join_names(stands_in)}"
+        lines.append(f"{begin}, driven in {driving.takes_s:.1f} s: {driving.source}")
+        deep_m = driving.engagement_m
+        entries.append(
+            {
+                "screw": name,
+                "designation": screw.describe(),
+                "engagement_mm": None if deep_m is None else round(deep_m * 1e3, 3),
+                "driving_s": round(driving.takes_s, 3),
+                "source": driving.source,
+            }
+        )
+    return Overview({"screws": entries} if entries else {}, tuple(lines))
+
+
+def _list_feeder_bodies(config: AssemblyConfig, name: str) -> list[str]:
+    """Return the bodies with a hole for the shank of a screw at its feeder."""
+    shank, own = find_shank(config, name), config.screws[name].shank
+    assert shank is not None
+    assert own is not None
+    return [body for body in shank.passes if body not in own.passes]
 
 
 def _locate_fixture(fixture: FixtureConfig, bottom_m: float) -> str:

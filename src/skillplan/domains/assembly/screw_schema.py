@@ -1,13 +1,23 @@
-"""YAML schema of screws: hole, head and the part that a screw fastens."""
+"""YAML schema of screws: size, head, shank, hole and thread, with the facts of the standards.
+
+Pitches are those of the coarse series of ISO 261. Heads are the greatest of ISO 4762 (socket), ISO
+7045 (pan), ISO 7380-1 (button) and ISO 4017 (hex); a hexagon counts as the circle through its
+corners, so that a driver's socket has room.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
 from pydantic import Field, model_validator
 
-from skillplan.domains.assembly.part_schema import Mass
+from skillplan.domains.assembly.part_schema import Mass, Names
 from skillplan.domains.assembly.schema_types import (
     Direction,
     Extent,
+    Length,
     PlanarOrSpatial,
     ScrewDurations,
     is_absent,
@@ -15,7 +25,90 @@ from skillplan.domains.assembly.schema_types import (
 )
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
-from skillplan.task.pose import DOWN, Point
+from skillplan.task.pose import DOWN, Point, is_same_direction
+from skillplan.task.scene import Shank
+
+Size = Literal["M2", "M2.5", "M3", "M4", "M5", "M6", "M8", "M10", "M12"]
+Head = Literal["socket", "pan", "button", "hex"]
+Torque = Annotated[float, Field(gt=0, le=1000)]
+
+UP: Final[Point] = (0.0, 0.0, 1.0)
+"""Direction of a screw that goes in from below."""
+
+_DEFAULT_HEAD: Final = "socket"
+_STANDARDS: Final = {
+    "socket": "ISO 4762",
+    "pan": "ISO 7045",
+    "button": "ISO 7380-1",
+    "hex": "ISO 4017",
+}
+# Pitch of the coarse thread [mm].
+_PITCHES_MM: Final = {
+    "M2": 0.4,
+    "M2.5": 0.45,
+    "M3": 0.5,
+    "M4": 0.7,
+    "M5": 0.8,
+    "M6": 1.0,
+    "M8": 1.25,
+    "M10": 1.5,
+    "M12": 1.75,
+}
+# Diameter of the head, of a hexagon its width across flats, and height [mm].
+_HEADS_MM: Final[dict[str, dict[str, tuple[float, float]]]] = {
+    "socket": {
+        "M2": (3.8, 2.0),
+        "M2.5": (4.5, 2.5),
+        "M3": (5.5, 3.0),
+        "M4": (7.0, 4.0),
+        "M5": (8.5, 5.0),
+        "M6": (10.0, 6.0),
+        "M8": (13.0, 8.0),
+        "M10": (16.0, 10.0),
+        "M12": (18.0, 12.0),
+    },
+    "pan": {
+        "M2": (4.0, 1.6),
+        "M2.5": (5.0, 2.1),
+        "M3": (5.6, 2.4),
+        "M4": (8.0, 3.1),
+        "M5": (9.5, 3.7),
+        "M6": (12.0, 4.6),
+        "M8": (16.0, 6.0),
+        "M10": (20.0, 7.5),
+    },
+    "button": {
+        "M3": (5.7, 1.65),
+        "M4": (7.6, 2.2),
+        "M5": (9.5, 2.75),
+        "M6": (10.5, 3.3),
+        "M8": (14.0, 4.4),
+        "M10": (17.5, 5.5),
+        "M12": (21.0, 6.6),
+    },
+    "hex": {
+        "M2": (4.0, 1.4),
+        "M2.5": (5.0, 1.7),
+        "M3": (5.5, 2.0),
+        "M4": (7.0, 2.8),
+        "M5": (8.0, 3.5),
+        "M6": (10.0, 4.0),
+        "M8": (13.0, 5.3),
+        "M10": (16.0, 6.4),
+        "M12": (18.0, 7.5),
+    },
+}
+_STEEL_KG_M3: Final = 7850.0
+# Keys that say more about a thread, which only a size has.
+_THREAD_KEYS = ("head", "length_m", "pitch_m", "engagement_m", "into")
+
+
+@dataclass(frozen=True, slots=True)
+class ScrewHead:
+    """Diameter and height of a head [m]."""
+
+    diameter_m: float
+    height_m: float
 
 
 class ScrewConfig(Strict):
@@ -23,8 +116,8 @@ class ScrewConfig(Strict):
 
     tool: Name = Field(description="the tool that drives it")
     hole_m: PlanarOrSpatial = Field(
-        description="the mouth of its hole, x y z, or x y: at the top of the part it goes through "
-        "[m]"
+        description="the mouth of its hole, x y z, or x y: at the top of the part it goes through, "
+        "of a screw from below at its underside; a hole in a mesh is found at its rim [m]"
     )
     axis: Direction = Field(
         [0.0, 0.0, -1.0],
@@ -32,13 +125,63 @@ class ScrewConfig(Strict):
         "down",
     )
     through: Name = Field(description="the part whose top its head rests on")
+    into: Names | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="the part or fixture that its thread goes into, or a list of them, which must "
+        "be in place before; left out: its shank may be in 'through' alone",
+    )
     feeder: Name | None = Field(
         None,
         description="the feeder where the tool fetches it; left out: the tool brings it along",
     )
-    head_diameter_m: Extent = Field(0.006, description="diameter of the head [m]")
-    head_height_m: Extent = Field(0.002, description="height of the head [m]")
-    mass_kg: Mass = Field(0.001, description="mass [kg]")
+    size: Size | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="size of its thread; head, pitch and mass follow; left out: not stated",
+    )
+    head: Head | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="type of its head: socket (ISO 4762), pan (ISO 7045), button (ISO 7380-1) or "
+        "hex (ISO 4017); left out: socket",
+    )
+    length_m: Length | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="length of the shank below the head [m]; left out: the shank is not modelled",
+    )
+    pitch_m: Annotated[float, Field(gt=0, le=0.01)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="pitch of its thread [m]; left out: that of the coarse thread of its size",
+    )
+    engagement_m: Length | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="length over which it is driven in [m]; left out: length of the shank in the "
+        "parts of 'into', or the whole shank",
+    )
+    torque_nm: Torque | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="tightening torque, compared with that of its tool [N m]; left out: not stated",
+    )
+    hole_depth_m: Length | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="depth of its hole below the mouth, compared with its length [m]; left out: "
+        "that of a hole in a mesh, or else not limited",
+    )
+    head_diameter_m: Extent = Field(
+        0.006, description="diameter of the head [m]; with 'size', left out: that of the head"
+    )
+    head_height_m: Extent = Field(
+        0.002, description="height of the head [m]; with 'size', left out: that of the head"
+    )
+    mass_kg: Mass = Field(
+        0.001, description="mass [kg]; with 'size', left out: that of steel with its dimensions"
+    )
     durations_s: ScrewDurations | None = Field(
         None,
         exclude_if=is_absent,
@@ -50,9 +193,96 @@ class ScrewConfig(Strict):
         """Unit vector in the world along which it goes into its hole."""
         return make_unit(self.axis)
 
+    @property
+    def into_names(self) -> list[str]:
+        """Names of the parts and fixtures that its thread goes into."""
+        return list(self.into or ())
+
+    @property
+    def diameter_m(self) -> float:
+        """Nominal diameter of the thread [m]; 0 without a size."""
+        return 0.0 if self.size is None else float(self.size[1:]) / 1e3
+
+    @property
+    def thread_pitch_m(self) -> float | None:
+        """Pitch of the thread [m]; None without a size."""
+        if self.pitch_m is not None or self.size is None:
+            return self.pitch_m
+        return _PITCHES_MM[self.size] / 1e3
+
+    @property
+    def standard_head(self) -> ScrewHead | None:
+        """Head of the size by its standard; None without a size."""
+        if self.size is None:
+            return None
+        kind = self.head or _DEFAULT_HEAD
+        width_mm, height_mm = _HEADS_MM[kind][self.size]
+        diameter_mm = width_mm * 2 / math.sqrt(3) if kind == "hex" else width_mm
+        return ScrewHead(diameter_mm / 1e3, height_mm / 1e3)
+
+    @property
+    def shank(self) -> Shank | None:
+        """Shank below the head; None without a length."""
+        if self.length_m is None:
+            return None
+        return Shank(self.diameter_m, self.length_m, (self.through, *self.into_names))
+
+    def describe(self) -> str:
+        """Return its designation, such as ``M4 x 16 socket``; empty without a size."""
+        if self.size is None:
+            return ""
+        length = "" if self.length_m is None else f" x {self.length_m * 1e3:g}"
+        return f"{self.size}{length} {self.head or _DEFAULT_HEAD}"
+
+    @model_validator(mode="after")
+    def _require_size(self) -> ScrewConfig:
+        for key in _THREAD_KEYS:
+            if self.size is None and getattr(self, key) is not None:
+                raise Located("give 'size', too, such as M4.", key)
+        if self.into is not None and self.length_m is None:
+            raise Located("give 'length_m', too: without it no shank is modelled.", "into")
+        if (self.engagement_m or 0.0) > (self.length_m or math.inf):
+            words = f"is more than the shank, {self.length_m:g} m."
+            raise Located(words, "engagement_m")
+        return self
+
+    @model_validator(mode="after")
+    def _take_standard(self) -> ScrewConfig:
+        """Fill in the dimensions and the mass that follow from the size."""
+        if self.size is None:
+            return self
+        kind = self.head or _DEFAULT_HEAD
+        own = {"head_diameter_m", "head_height_m"} <= self.model_fields_set
+        if self.size not in _HEADS_MM[kind] and not own:
+            known = ", ".join(_HEADS_MM[kind])
+            words = (
+                f"{_STANDARDS[kind]} has no {self.size} ({known}). Give 'head_diameter_m' and "
+                "'head_height_m', or another head."
+            )
+            raise Located(words, "head")
+        if not own:
+            head = self.standard_head
+            assert head is not None
+            self._fill_in("head_diameter_m", head.diameter_m)
+            self._fill_in("head_height_m", head.height_m)
+        shank_m3 = self.diameter_m**2 * (self.length_m or 0.0)
+        head_m3 = self.head_diameter_m**2 * self.head_height_m
+        self._fill_in("mass_kg", round(_STEEL_KG_M3 * math.pi / 4 * (shank_m3 + head_m3), 6))
+        if self.head_diameter_m <= self.diameter_m:
+            words = f"is not wider than the thread, {self.diameter_m:g} m."
+            raise Located(words, "head_diameter_m")
+        return self
+
+    def _fill_in(self, key: str, value: float) -> None:
+        """Set a key that the file leaves out."""
+        if key not in self.model_fields_set:
+            # Assigning to a frozen model fails.
+            object.__setattr__(self, key, value)
+
     @model_validator(mode="after")
     def _require_height_of_oblique_hole(self) -> ScrewConfig:
-        if len(self.hole_m) < 3 and make_unit(self.axis) != DOWN:
-            message = "give the hole x y z [m], as its axis is not straight down."
+        upright = is_same_direction(make_unit(self.axis), UP)
+        if len(self.hole_m) < 3 and make_unit(self.axis) != DOWN and not upright:
+            message = "give the hole x y z [m], as its axis is neither straight down nor up."
             raise Located(message, "hole_m")
         return self

@@ -70,6 +70,17 @@ class ToolConfig(Strict):
         exclude_if=is_absent,
         description="diameter of the bit of a screwdriver [m]; left out: 0.005",
     )
+    torque_nm: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="greatest tightening torque of a screwdriver [N m]; left out: not compared",
+    )
+    speed_rpm: Annotated[float, Field(ge=1, le=100_000)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="speed of a screwdriver while it drives a screw in [1/min]; left out: screws "
+        "take durations_s.fasten",
+    )
     holder_m: Planar = Field(description="place of its holder, x y [m]")
     holder_height_m: Height = Field(0.0, description="height of the holder [m]")
     envelope_m: Extents | None = Field(

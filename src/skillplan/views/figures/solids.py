@@ -77,14 +77,15 @@ def get_faces(shape: Shape) -> list[tuple[int, ...]]:
 
 def place_corners(body: Body, pose: Pose) -> Points:
     """Return the corners of a body's true shapes in the world [m], shape (n, 3)."""
-    corners = [corner for shape in body.exact_shapes for corner in get_corners(shape)]
+    corners = [corner for shape in body.drawn_shapes for corner in get_corners(shape)]
     return np.asarray(np.array(corners) @ np.array(pose.rotation).T + np.array(pose.position))
 
 
 def find_outlines(body: Body, pose: Pose) -> list[tuple[Point, ...]]:
     """Return the outline of each of a body's convex shapes from above [m]."""
     hulls = []
-    for shape in body.shapes:
+    shank = () if body.shank is None else (body.shank.shape,)
+    for shape in (*body.shapes, *shank):
         points = [pose.apply(corner)[:2] for corner in get_corners(shape)]
         hulls.append(find_hull([(round(x, 6), round(y, 6)) for x, y in points]))
     return [outline for outline in hulls if len(outline) > 2]
@@ -313,7 +314,7 @@ def _triangulate(body: Body) -> NDArray[np.int64]:
     """Return the triangles of a body's true shapes as indices of its corners, shape (n, 3)."""
     triangles: list[tuple[int, int, int]] = []
     first = 0
-    for shape in body.exact_shapes:
+    for shape in body.drawn_shapes:
         for a, *others in get_faces(shape):
             triangles += [(first + a, first + b, first + c) for b, c in pairwise(others)]
         first += len(get_corners(shape))

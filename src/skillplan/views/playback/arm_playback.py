@@ -262,7 +262,7 @@ class _ArmPlayback:
                 pose = sample.bodies.get(body.name)
                 if pose is not None:
                     rows[index] = (*pose.position, *pose.orientation)
-            shapes = [self.playback.solid(shape) for shape in body.exact_shapes]
+            shapes = [self.playback.solid(shape) for shape in body.drawn_shapes]
             goal = goals.get(body.name)
             kind = "screw" if body.name in screws else "part"
             # The same colour as in the pictures.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -126,12 +126,27 @@ def describe_times(result: Result, metric: Metric) -> list[str]:
 
 def describe_dwells(task: Task) -> list[str]:
     """Return a note on parts, screws and tools with dwell times of their own, if any."""
-    own = list(dict.fromkeys(path.rpartition(".durations_s")[0] for path in task.dwells_from[:-1]))
+    driven = [source for source in task.dwells_from if ": " in source]
+    lines = [f"dwells     {line}" for line in _join_driven(driven)]
+    paths = [path for path in task.dwells_from[:-1] if path not in driven]
+    own = list(dict.fromkeys(path.rpartition(".durations_s")[0] for path in paths))
     if not own:
-        return []
+        return lines
     shown = ", ".join(own[:_MOST_OWNERS])
     more = f" and {len(own) - _MOST_OWNERS} more" if len(own) > _MOST_OWNERS else ""
-    return [f"dwells     of {shown}{more} by their own durations_s, others by the task's"]
+    return [*lines, f"dwells     of {shown}{more} by their own durations_s, others by the task's"]
+
+
+def _join_driven(sources: Sequence[str]) -> Iterator[str]:
+    """Yield one line for all screws that are driven alike."""
+    names: dict[str, list[str]] = {}
+    for source in sources:
+        path, _, words = source.partition(": ")
+        names.setdefault(words, []).append(path)
+    for words, paths in names.items():
+        shown = ", ".join(paths[:_MOST_OWNERS])
+        more = f" and {len(paths) - _MOST_OWNERS} more" if len(paths) > _MOST_OWNERS else ""
+        yield f"of {shown}{more} by {words}"
 
 
 def tabulate_steps(

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.task.scene import Robot, Scene
+from skillplan.task.scene import Robot, Scene, name_shank
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.kinematics.fixed_order import length
@@ -113,7 +113,8 @@ class TravelPlanner:
         back = data.oMi[last].inverse()
         solids: list[MovingSolid] = [*self._links]
         for name, pieces in self.sweeps.held(motion, motion.above):
-            is_load = name == motion.carries
+            load = motion.carries
+            is_load = load is not None and name in (load, f"the {name_shank(load)}")
             solids += [
                 build_held_solid(name, last, piece, back, is_load=is_load) for piece in pieces
             ]

@@ -17,6 +17,7 @@ from skillplan.collision.boxes import (
     WorldBox,
     box_at,
     contact_area,
+    shank_boxes,
     sweep_hits,
     world_box,
     world_boxes,
@@ -150,13 +151,14 @@ class Sweeps:
             boxes.append(world_box(make_wrist_box(get_hand(self.robot, motion.tool)), motion.tip))
         if event in (Event.GRASP, Event.RELEASE, Event.FETCH):
             # Down to its goal, even if it is released above it.
-            boxes += world_boxes(self.task.scene.body(visit.subject), visit.pose)
+            body = self.task.scene.body(visit.subject)
+            boxes += (*world_boxes(body, visit.pose), *shank_boxes(body, visit.pose))
         elif event is Event.DRIVE:
             screw = self.task.scene.body(visit.subject)
             # The search for a hole goes beyond its mouth.
             deepest = visit.pose.moved(plus(_STILL, visit.along, self.press_travel_m))
             for pose in (visit.pose, deepest):
-                boxes += world_boxes(screw, pose)
+                boxes += (*world_boxes(screw, pose), *shank_boxes(screw, pose))
         return boxes
 
     def _hand(self, motion: LinearMotion) -> list[Box]:
@@ -227,6 +229,7 @@ class Located:
     body: Body
     placement: Placement
     boxes: tuple[WorldBox, ...]
+    shank: tuple[WorldBox, ...] = ()
 
     @property
     def is_boxy(self) -> bool:
@@ -273,7 +276,12 @@ class Surroundings:
     def __init__(self, task: Task, clearance_m: float, press_travel_m: float) -> None:
         self.task = task
         self._located = tuple(
-            Located(body, placement, world_boxes(body, placement.pose))
+            Located(
+                body,
+                placement,
+                world_boxes(body, placement.pose),
+                shank_boxes(body, placement.pose),
+            )
             for body in task.scene.bodies
             for placement in body.placements
             if placement.solid and placement.frame == WORLD
@@ -367,7 +375,7 @@ class Surroundings:
             if any(
                 sweep_hits(box, by, obstacle, -MARGIN_M)
                 for box, by in moving
-                for obstacle in body.boxes
+                for obstacle in (*body.boxes, *body.shank)
             ):
                 near.append(body)
         if any(motion.visit.event is Event.DRIVE for motion in motions):

@@ -19,7 +19,13 @@ from skillplan_pinocchio.planning.arm_bodies import (
     build_held_solid,
 )
 from skillplan_pinocchio.planning.continuous_check import ContinuousCheck
-from skillplan_pinocchio.shapes import ConvexPiece, make_pieces, make_zone_obstacle, place_at
+from skillplan_pinocchio.shapes import (
+    ConvexPiece,
+    make_pieces,
+    make_shank_pieces,
+    make_zone_obstacle,
+    place_at,
+)
 
 if TYPE_CHECKING:
     from skillplan_simulation.execution.controlled_robot import ControlledRobot
@@ -93,5 +99,7 @@ class ZoneWatch:
                 yield build_held_solid(part.name, last, ConvexPiece(place_at(corners, pose)), back)
         if robot.carried is not None:
             measured = robot.world.pose(robot.carried)
-            for piece in make_pieces(self.scene.body(robot.carried), measured):
+            body = self.scene.body(robot.carried)
+            pieces = (*make_pieces(body, measured), *make_shank_pieces(body, measured))
+            for piece in pieces:
                 yield build_held_solid(robot.carried, last, piece, back, is_load=True)

@@ -223,7 +223,7 @@ class CellParts:
             tools = {tool.name: tool for tool in self._robot.tools}
             body = bodies.get(name) or make_tool_body(tools[name], hand)
             assert body is not None
-            self._made[name] = make_body_surface(body.exact_shapes)
+            self._made[name] = make_body_surface(body.drawn_shapes)
         return self._made[name]
 
     def _of_arm(self, arm: Arm) -> Iterator[Part]:
