@@ -37,6 +37,7 @@ OPENS = {
     "domains/assembly/mesh_files.py": "a 3MF, an archive in memory",
     "domains/domain.py": "the starter that lies in the package of a domain",
     "views/report/page.py": "the style sheet and the player that lie in its package",
+    "pipeline/examples.py": "task files and meshes that come with skillplan",
     "plugins/installed.py": "what pip wrote of a distribution",
     "cli/commands/warm_up.py": "a board of its own, in a folder of its own",
     "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",

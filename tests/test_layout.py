@@ -404,6 +404,7 @@ SMALL_MODULES = {
     "skillplan.domains.assembly.layout_family": "a subject of its own: random layouts",
     "skillplan.env.sb3_vec_env": "loaded by users of Stable-Baselines3 only",
     "skillplan.env.skill_env": "the public environment",
+    "skillplan.pipeline.examples": "what comes with skillplan, for `init` and the benchmark",
     "skillplan.pipeline.gymnasium_entry": "named in the registry of Gymnasium",
     "skillplan.robots.panda_hand": "the data of the hand, as arms are data",
     "skillplan.solvers.learned_model.outcome_table": "a data structure; its importer is the solver",

@@ -75,11 +75,26 @@ class TestInit:
             (("asembly",), "Did you mean 'assembly'?"),
             (("--out", "mine.txt"), "end it in .yaml or .yml."),
             (("--out", "nowhere/mine.yaml"), "there is no folder nowhere."),
+            (("--example", "gear_unti"), "Did you mean 'gear_unit'?"),
+            (("--example", "sensor_stack"), "needs meshes/hexagonal_coil.obj. Give --out FILE."),
         ],
     )
     def test_what_cannot_be_is_refused(self, cli, words, message):
         """In one message."""
         assert message in cli("init", *words).refusal
+
+    def test_an_example_brings_its_meshes_and_no_figures_of_tests(self, cli, tmp_path):
+        """It is valid where it is written; a mesh of others stays."""
+        path = tmp_path / "mine.yaml"
+        told = cli("init", "--example", "sensor_stack", "--out", str(path)).out
+        assert "the example sensor_stack, with 1 other file. Next:" in told
+        assert 0 == cli("check", str(path), "--collision", "aabb").code
+        assert "expect:" not in path.read_text("utf-8")
+        mesh = tmp_path / "meshes" / "hexagonal_coil.obj"
+        mesh.write_text("mine")
+        other = ("init", "--example", "sensor_stack", "--out", str(tmp_path / "other.yaml"))
+        assert "hexagonal_coil.obj is there already." in cli(*other).refusal
+        assert "mine" == mesh.read_text()
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,12 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-import skillplan
 from skillplan.domains.domain import Name, Strict
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.json_file import parse_json
 from skillplan.files.schema_errors import list_schema_issues
 from skillplan.pipeline import registry
+from skillplan.pipeline.examples import CONFIG_FOLDERS
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records import schemas
 from skillplan.task.task import Task
@@ -25,13 +25,8 @@ from skillplan.task.task import Task
 PROOF_GAP = 1e-5
 """Gap of cost and bound that counts as a proof, as a fraction: a planner rounds costs."""
 
-_PACKAGE = Path(skillplan.__file__).parent
-# A wheel holds the files in the package, a checkout next to the sources.
-_FOLDERS = (
-    _PACKAGE / "configs",
-    _PACKAGE.parents[1] / "configs",
-    _PACKAGE.parents[1] / "tests" / "instances",
-)
+# A wheel holds the instances of tests beside the other files.
+_FOLDERS = (*CONFIG_FOLDERS, CONFIG_FOLDERS[1].parent / "tests" / "instances")
 
 
 class Proof(Strict):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from skillplan import errors
@@ -10,6 +10,7 @@ from skillplan.cli.writing import as_json, document_stream, tell, write_out
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_new
 from skillplan.files.output_path import check_output_path, report_write_errors
+from skillplan.files.regular_file import read_bytes
 from skillplan.records.result import Result, Status
 from skillplan.views.text.table import Table, render
 
@@ -47,6 +48,37 @@ def exit_code(results: Sequence[Result | ChainResult]) -> int:
         back_end_failed=any(result.back_end_failed for result in results),
         interrupted=any(result.interrupted for result in results),
     )
+
+
+def write_new_files_beside(
+    out: str, files: Mapping[str, bytes], suffixes: Collection[str], what: str
+) -> None:
+    """Write new files into the folder of ``--out``; one that has this content already stays.
+
+    Parameters
+    ----------
+    files
+        Contents by path, relative to the folder.
+    suffixes, what
+        As of `write_new_file`, for ``--out`` itself.
+
+    Raises
+    ------
+    OptionError
+        If a file exists already with other content, or cannot be written.
+    """
+    path = check_output_path("--out", out, suffixes, what)
+    targets = {path.parent / name: content for name, content in files.items()}
+    for target, content in targets.items():
+        if target.exists() and (
+            target.stat().st_size != len(content) or read_bytes(target, len(content)) != content
+        ):
+            raise OptionError(f"--out {out}: {target} is there already. Name another folder.")
+    for target, content in targets.items():
+        with report_write_errors("--out", target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if not target.exists():
+                write_new(target, content)
 
 
 def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) -> None:

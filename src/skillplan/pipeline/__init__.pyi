@@ -6,6 +6,8 @@ from .comparison import compare_solvers as compare_solvers
 from .comparison import rows_side_by_side as rows_side_by_side
 from .comparison import solve_all as solve_all
 from .comparison import solve_chain_with_all as solve_chain_with_all
+from .examples import list_examples as list_examples
+from .examples import read_example as read_example
 from .exchange import describe_policy as describe_policy
 from .exchange import export_files as export_files
 from .exchange import list_notes as list_notes
@@ -44,6 +46,7 @@ __all__ = [
     "export_files",
     "find_arm_meshes",
     "grade",
+    "list_examples",
     "list_notes",
     "list_solvers",
     "load_problem",
@@ -56,6 +59,7 @@ __all__ = [
     "names",
     "open_warm_cache",
     "preview_problem",
+    "read_example",
     "read_given_plan",
     "registry",
     "rows_side_by_side",

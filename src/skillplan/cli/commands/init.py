@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.options.completion import plugin_names
+from skillplan.cli.options.completion import example_names, plugin_names
 from skillplan.cli.options.shared import OUTPUT
 
 
@@ -19,6 +19,15 @@ def command(
             help="Kind of task, such as assembly or sop.",
         ),
     ] = "assembly",
+    example: Annotated[
+        str | None,
+        typer.Option(
+            "--example",
+            metavar="NAME",
+            autocompletion=example_names,
+            help="Start from a whole cell, such as gearbox, pcb or pump, with its meshes.",
+        ),
+    ] = None,
     out: Annotated[
         str | None,
         typer.Option(
@@ -32,21 +41,32 @@ def command(
     """Write a commented, valid task file of KIND as a starting point."""
     import shlex
 
-    from skillplan.cli.output import write_new_file
+    from skillplan.cli.output import write_new_file, write_new_files_beside
     from skillplan.cli.writing import write_out
-    from skillplan.pipeline import registry
+    from skillplan.errors import OptionError
+    from skillplan.pipeline import read_example, registry
 
-    domain = registry.load("domain", kind)()
-    text = domain.starter()
+    files: dict[str, bytes] = {}
+    if example is None:
+        domain = registry.load("domain", kind)()
+        text, suffix, title = domain.starter(), domain.starter_suffix, f"a task of kind {kind}"
+    else:
+        text, files = read_example(example)
+        suffix, title = ".yaml", f"the example {example}"
     if out is None:
+        if files:
+            first, *others = files
+            words = f" and {len(others)} more files" if others else ""
+            raise OptionError(f"--example {example} needs {first}{words}. Give --out FILE.")
         write_out(text)
         return 0
-    suffix = domain.starter_suffix
     suffixes = (".yaml", ".yml") if suffix == ".yaml" else (suffix,)
+    write_new_files_beside(out, files, suffixes, "task files")
     write_new_file(out, text, suffixes, "task files")
     named = shlex.quote(out)
+    with_them = f", with {len(files)} other file{'s' * (len(files) > 1)}" if files else ""
     write_out(
-        f"{out}: a task of kind {kind}. Next:\n"
+        f"{out}: {title}{with_them}. Next:\n"
         f"  skillplan check {named}\n"
         f"  skillplan search-optimal {named}\n"
     )

@@ -39,6 +39,13 @@ def plugin_names(kind: str) -> Complete:
     return complete
 
 
+def example_names(incomplete: str) -> list[str]:
+    """Return the names of examples that complete a word."""
+    from skillplan.pipeline import list_examples
+
+    return [name for name in list_examples() if name.startswith(incomplete)]
+
+
 def engine_names(incomplete: str) -> list[str]:
     """Return the installed engines that complete a word, and ``auto``."""
     from skillplan.plugins.installed import AUTO, find_simulator
