@@ -15,6 +15,7 @@ export const KINDS = [
   "head",
   "base",
   "sheet",
+  "zone",
 ] as const;
 export type Kind = (typeof KINDS)[number];
 

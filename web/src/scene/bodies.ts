@@ -2,6 +2,7 @@
 import {
   Box3,
   Color,
+  DoubleSide,
   Group,
   LineBasicMaterial,
   LineSegments,
@@ -23,8 +24,9 @@ const FINISH: Partial<Record<Kind, readonly [number, number]>> = {
   screw: [0.35, 0.5],
 };
 const PLAIN = [0.8, 0] as const;
-const CASTS_NO_SHADOW: readonly Kind[] = ["environment", "sheet"];
+const CASTS_NO_SHADOW: readonly Kind[] = ["environment", "sheet", "zone"];
 const SHEET_OPACITY = 0.55;
+const ZONE_OPACITY = 0.16;
 const GHOST_OPACITY = 0.13;
 const NEXT_GHOST_OPACITY = 0.38;
 // A part closer to its goal than this needs no ghost there.
@@ -103,7 +105,7 @@ export class Bodies {
     this.group.updateMatrixWorld(true);
     const inner = new Box3();
     for (const { body, group, ghost } of this.drawn) {
-      if (body.kind === "environment") continue;
+      if (body.kind === "environment" || body.kind === "zone") continue;
       if (group.visible) inner.expandByObject(group);
       if (ghost) inner.expandByObject(ghost);
     }
@@ -125,6 +127,13 @@ export class Bodies {
     if (body.kind === "sheet") {
       material.transparent = true;
       material.opacity = SHEET_OPACITY;
+    }
+    if (body.kind === "zone") {
+      // What is inside stays visible, from all sides.
+      material.transparent = true;
+      material.opacity = ZONE_OPACITY;
+      material.depthWrite = false;
+      material.side = DoubleSide;
     }
     const group = new Group();
     group.name = body.name;

@@ -6,15 +6,17 @@ x is to the right and y up, as in the task file.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
+from typing import Any
 
 from matplotlib.figure import Figure
 
 from skillplan.task.pose import Pose
-from skillplan.task.scene import Robot
+from skillplan.task.scene import Robot, Zone
 from skillplan.task.task import Task
+from skillplan.task.zone import list_slow_zones
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, get_requested_task
 from skillplan.views.figures.figure_style import Heading
 from skillplan.views.figures.label_placement import LabelPlacer
@@ -37,13 +39,14 @@ _MARGIN_PX = 34.0
 _TICK_PX = 8.0
 # Distance of grid lines [px], at least.
 _GRID_PX = 70.0
-_LEGEND_PX = 44.0
+_LEGEND_PX, _LEGEND_ROW_PX = 44.0, 18.0
 _MOST_HEIGHT_PX = 900.0
 # The base and the rim of the reach are shown unless they shrink the cell below this share.
 _LEAST_SHARE = 0.65
 _STATION_PX = 13.0
 _NAME_PX = 11.0
 _FIXTURE_OPACITY = 0.22
+_ZONE_OPACITY = 0.14
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +105,7 @@ class _Layout:
         self.starts = task.scene.at(task.initial)
         self.goals = task.scene.at(task.goal.requires)
         self.fixtures = [body.name for body in task.scene.bodies if body.fixed]
+        self.zones: dict[str, Any] = {zone.name: zone.polygon for zone in task.scene.zones}
         self.low, self.high = self._extent()
         wide_m, tall_m = self.high[0] - self.low[0], self.high[1] - self.low[1]
         room = width_px - 2 * _MARGIN_PX
@@ -114,6 +118,7 @@ class _Layout:
     def draw(self) -> Picture:
         """Return the picture."""
         self._draw_grid()
+        self._draw_zones()
         reached = self._draw_reach()
         self._draw_fixtures()
         self._draw_footprints(self.starts, dashed=True)
@@ -154,10 +159,11 @@ class _Layout:
             b + (m - b) * self.robot.reach_m / away for b, m in zip(base, middle, strict=True)
         )
         longest = max(high[0] - low[0], high[1] - low[1])
-        for extra in (base, (rim[0], rim[1])):
-            wider = _find_bounds([*points, extra])
+        zones = [list(polygon.exterior.coords) for polygon in self.zones.values()]
+        for extra in ([base], [(rim[0], rim[1])], *zones):
+            wider = _find_bounds([*points, *extra])
             if longest >= _LEAST_SHARE * max(wider[1][0] - wider[0][0], wider[1][1] - wider[0][1]):
-                points.append(extra)
+                points += extra
         low, high = _find_bounds(points)
         pad = 0.05 * max(high[0] - low[0], high[1] - low[1], 0.1)
         return (low[0] - pad, low[1] - pad), (high[0] + pad, high[1] + pad)
@@ -205,6 +211,27 @@ class _Layout:
     def _shows(self, point: Point) -> bool:
         inside = zip(self.low, point, self.high, strict=True)
         return all(low <= value <= high for low, value, high in inside)
+
+    def _draw_zones(self) -> None:
+        """Draw the visible parts of zones: hatched if they keep something out."""
+        for zone in self.scene.zones:
+            role = "red" if zone.keeps_out else "orange"
+            note = Note(f"{zone.label}: {_describe_zone(zone)}")
+            for outline in self._show_zone(zone.name):
+                points = [*map(self._pixels, outline)]
+                self.picture.polygon(points, role, role, 1.2, opacity=_ZONE_OPACITY, note=note)
+                if zone.keeps_out:
+                    for stroke in _hatch(points):
+                        self.picture.line(stroke, role, 0.6)
+
+    def _show_zone(self, name: str) -> list[list[Point]]:
+        """Return the outlines of a zone within the picture [m]."""
+        # Imported by a task with zones.
+        import shapely
+
+        visible = shapely.intersection(self.zones[name], shapely.box(*self.low, *self.high))
+        pieces = getattr(visible, "geoms", [visible])
+        return [[*piece.exterior.coords][:-1] for piece in pieces if piece.area > 0]
 
     def _draw_fixtures(self) -> None:
         """Draw fixtures from above, lower ones first."""
@@ -255,6 +282,9 @@ class _Layout:
         for step in self.steps:
             self.placer.avoid_disc(self._inches(step.stops[-1]), (NUMBER_PX + 3) / PIXELS_PER_IN)
             self.placer.avoid_line([*map(self._inches, step.stops)])
+        side_in = 2 * _STATION_PX / PIXELS_PER_IN
+        for station in self.scene.stations.values():
+            self.placer.avoid_box(self._inches(station), side_in, side_in)
         places: dict[str, Sequence[float]] = {
             name: pose.position for name, pose in self.starts.items()
         }
@@ -265,6 +295,11 @@ class _Layout:
         for name, place in self.scene.stations.items():
             shared.setdefault(tuple(place), []).append(name)
         places |= {", ".join(sorted(together)): place for place, together in shared.items()}
+        for name in self.zones:
+            outlines = self._show_zone(name)
+            if outlines:
+                low, high = _find_bounds(outlines[0])
+                places[name] = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2)
         if self._shows(self.robot.base[:2]):
             places[self.robot.name] = self.robot.base
         for name, point in places.items():
@@ -304,11 +339,26 @@ class _Layout:
     def _on_paper(self, point: Point) -> Point:
         return (point[0] / PIXELS_PER_IN, (self.picture.height_px - point[1]) / PIXELS_PER_IN)
 
+    def _list_zone_keys(self) -> Iterator[tuple[str, str, float, float, str]]:
+        """Yield the entries of the legend for zones: colours, width, opacity and words."""
+        if any(zone.keeps_out for zone in self.scene.zones):
+            yield "red", "red", 1.2, _ZONE_OPACITY, "keep-out zone"
+        slow = [zone.speed_m_per_s for zone in list_slow_zones(self.scene)]
+        if slow:
+            limits = ", ".join(f"{speed:g}" for speed in sorted({s for s in slow if s is not None}))
+            yield "orange", "orange", 1.2, _ZONE_OPACITY, f"slow, {limits} m/s"
+
     def _draw_legend(self, *, reached: bool) -> None:
         top, left = self.picture.height_px - _LEGEND_PX + 12, 14.0
 
         def write(words: str) -> None:
             self.picture.label((left, top), words, "muted", SMALL_PX, "start")
+
+        def wrap(wide_px: float) -> None:
+            """Begin a second row if an entry does not fit into the first."""
+            nonlocal left, top
+            if left + wide_px > self.picture.width_px - 14:
+                left, top = 14.0, top + _LEGEND_ROW_PX
 
         length_m = _round_down(140 / self.scale)
         self.picture.line(((left, top), (left + self.scale * length_m, top)), "ink", 2)
@@ -321,20 +371,50 @@ class _Layout:
             ("blue", "blue", 1.2, 0.3, "its goal"),
             ("paper", "ink", 1.4, 1.0, "tool holder or feeder"),
             *([("muted", "muted", 1.2, _FIXTURE_OPACITY, "fixed")] if self.fixtures else []),
+            *self._list_zone_keys(),
         ):
+            wrap(20 + measure_text_px(words, SMALL_PX))
             box = make_rectangle(left, top - 5, left + 14, top + 5)
             dashed = opacity < 0.1
+            if fill == "red":
+                for stroke_px in _hatch(box, 5.0):
+                    self.picture.line(stroke_px, fill, 0.6)
             self.picture.polygon(box, fill, stroke, width_px, dashed=dashed, opacity=opacity)
             left += 20
             write(words)
             left += 18 + measure_text_px(words, SMALL_PX)
         words = f"reach, {self.robot.reach_m:g} m from the base of {self.robot.name}"
+        if not reached:
+            words += ": beyond the picture"
+        wrap((24 if reached else 0) + measure_text_px(words, SMALL_PX))
         if reached:
             self.picture.line(((left, top), (left + 18, top)), "muted", 1.2, dashed=True)
             left += 24
-        else:
-            words += ": beyond the picture"
         write(words)
+
+
+def _describe_zone(zone: Zone) -> str:
+    words = [f"keeps out {' and '.join(zone.keeps_out)}"] if zone.keeps_out else []
+    if zone.speed_m_per_s is not None:
+        words.append(f"{zone.speed_m_per_s:g} m/s at most")
+    return ", ".join(words)
+
+
+def _hatch(outline: Sequence[Point], step_px: float = 11.0) -> Iterator[tuple[Point, Point]]:
+    """Yield diagonal strokes in a polygon [px]."""
+    import shapely
+
+    (left, top), (right, bottom) = _find_bounds(outline)
+    tall = bottom - top
+    area = shapely.Polygon(outline)
+    for number in range(1, math.ceil((right - left + tall) / step_px)):
+        x = left + number * step_px
+        line = shapely.LineString([(x, top), (x - tall, bottom)])
+        inside = shapely.intersection(line, area)
+        for piece in getattr(inside, "geoms", [inside]):
+            if piece.length > 0:
+                begin, end = piece.coords
+                yield begin, end
 
 
 def _find_bounds(points: Sequence[Point]) -> tuple[Point, Point]:

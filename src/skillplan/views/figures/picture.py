@@ -47,11 +47,23 @@ COLOURS: Mapping[str, str] = {
     "sky": SKY,
     "olive": OLIVE,
     "grey": GREY,
+    # Farthest from the others and from each other in OKLab, also with red or green missing.
+    "indigo": "#330099",
+    "violet": "#7700ff",
+    "maroon": "#881100",
+    "lilac": "#8877ff",
+    "petrol": "#004455",
+    "mint": "#66cc88",
+    "magenta": "#cc11aa",
+    "plum": "#773388",
 }
 """Colours on paper by role. A page has other colours for the same roles in its dark theme."""
 
-SERIES = ("blue", "orange", "green", "purple", "sky", "red", "olive", "grey")
-"""Roles of the members of a series, in order."""
+SERIES = (
+    *("blue", "orange", "green", "purple", "sky", "red", "olive", "grey"),
+    *("indigo", "mint", "maroon", "lilac", "petrol", "magenta", "violet", "plum"),
+)
+"""Roles of the members of a series, in order; with more members they repeat."""
 
 PIXELS_PER_IN = 96.0
 TEXT_PX, SMALL_PX = 12.0, 10.0

@@ -19,7 +19,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 from skillplan.views.figures.picture import COLOURS, SERIES
 from skillplan.views.playback.document import Playback, make_box
-from skillplan.views.playback.meshes import build_hull_mesh, coarsen, read_obj
+from skillplan.views.playback.meshes import build_hull_mesh, build_prism_mesh, coarsen, read_obj
 from skillplan.views.playback.tracks import (
     FRAMES_PER_S,
     Numbers,
@@ -101,6 +101,10 @@ SIMULATED = "simulated, with contacts"
 PLANNED = "planned, not simulated: no contact forces"
 
 _ARM, _JAWS = "#d5d9de", "#8b929b"
+# Height above the safe height to which zones are drawn [m].
+_ABOVE_M = 0.4
+# Height of the bottom of a zone above the table, whose colours would mix [m].
+_ON_TABLE_M = 0.001
 # Cell size of coarse meshes of links, and largest error of their playback [m].
 _CELL_M, _LINK_OFF_M = 0.009, 2e-4
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -151,6 +155,7 @@ class _ArmPlayback:
         joints = np.array([sample.joints_rad for sample in self.samples])
         frames = compute_link_frames(self.robot.model, self.robot.mount, joints)
         self._add_environment()
+        self._add_zones()
         self._add_links(frames)
         self._add_hand(frames[-1])
         self._add_parts()
@@ -316,6 +321,17 @@ class _ArmPlayback:
                 x, y, z = place
                 shapes = [make_box((0.05, 0.05, 0.02))]
                 self.playback.add_body(name, "feeder", shapes, Pose((x, y, z - 0.01)), label=True)
+
+    def _add_zones(self) -> None:
+        """Add zones up to a little above the safe height, because most are open above."""
+        top_m = self.robot.safe_height_m + _ABOVE_M
+        for zone in self.scene.zones:
+            colour = COLOURS["red" if zone.keeps_out else "orange"]
+            low_m = max(zone.low_m, _ON_TABLE_M)
+            high_m = min(zone.high_m, max(top_m, low_m + _ABOVE_M))
+            if low_m < high_m:
+                mesh = self.playback.mesh(*build_prism_mesh(zone, low_m, high_m))
+                self.playback.add_body(zone.name, "zone", [mesh], label=True, color=colour)
 
     def _set_view(self) -> None:
         low, high = find_extent(self.scene)

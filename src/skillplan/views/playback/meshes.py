@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.files.regular_file import read_bytes
+from skillplan.task.zone import Zone
 from skillplan.views.playback.tracks import Numbers, pack
 
 _MOST_BYTES = 16 * 2**20
@@ -47,6 +48,28 @@ def build_hull_mesh(points: Sequence[Sequence[float]]) -> tuple[Numbers, Triangl
     triangles[inward] = triangles[inward, ::-1]
     wide = np.linalg.norm(across, axis=1) > 0
     return corners, triangles[wide].astype(np.int64)
+
+
+def build_prism_mesh(zone: Zone, low_m: float, high_m: float) -> tuple[Numbers, Triangles]:
+    """Return a zone between two heights [m] as corners and triangles."""
+    import shapely
+
+    outline = list(zone.polygon.normalize().exterior.coords)[:-1]
+    count = len(outline)
+    caps = shapely.constrained_delaunay_triangles(zone.polygon).geoms
+    numbers = {point: number for number, point in enumerate(outline)}
+    triangles = []
+    for cap in caps:
+        a, b, c = (numbers[point] for point in list(cap.exterior.coords)[:3])
+        triangles += [(a, b, c), (a + count, c + count, b + count)]
+    for number in range(count):
+        after = (number + 1) % count
+        triangles += [
+            (number, after, after + count),
+            (number, after + count, number + count),
+        ]
+    corners = [(x, y, z) for z in (low_m, high_m) for x, y in outline]
+    return np.array(corners), np.array(triangles, dtype=np.int64)
 
 
 def read_obj(path: Path) -> tuple[Numbers, Triangles]:
