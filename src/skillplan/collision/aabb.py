@@ -9,8 +9,8 @@ elsewhere than predicted.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from pydantic import Field
 
@@ -51,6 +51,11 @@ class Sweep:
     by: Point
     spares: frozenset[str]
     is_load: bool = False
+    overlaps_m: Mapping[str, float] = field(default_factory=dict)
+
+    def tolerance_m(self, body: str, least_m: float) -> float:
+        """Return the overlap with a body that counts as touching, or that a fit states [m]."""
+        return least_m + self.overlaps_m.get(body, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +146,9 @@ def _sweep_load(
     spares = frozenset({visit.subject} | ({body.name} if body is not None else set()))
     if body is not None:
         boxes = world_boxes(body, Pose(origin, visit.pose.orientation))
-        yield Sweep(label, body.name, boxes, by, spares, is_load=True)
+        fits = body.fits if visit.event is Event.RELEASE and label == "the approach" else ()
+        overlaps_m = {fit.into: fit.overlap_m for fit in fits if fit.overlap_m > 0}
+        yield Sweep(label, body.name, boxes, by, spares, is_load=True, overlaps_m=overlaps_m)
         if body.shank is not None:
             shank = shank_boxes(body, Pose(origin, visit.pose.orientation))
             passes = spares.union(body.shank.passes)
@@ -311,10 +318,12 @@ class AabbDetector(Detector):
         """Return that the arm is not checked, unless another back end checks it."""
         if self._arm_is_checked:
             return ()
+        fitted = [b.name for b in self.task.scene.bodies if any(fit.stops for fit in b.fits)]
         closed = [zone.name for zone in list_keep_outs(self.task.scene, "arm")]
         zones = f"; in {', '.join(closed)} it misses all else of the arm" if closed else ""
         return (
             f"the arm's links, fingers and postures: aabb checks boxes of parts and tools{zones}",
+            *([f"the stops of fits at the goals of {', '.join(fitted)}"] if fitted else []),
         )
 
     def refuses(self) -> str | None:
@@ -446,7 +455,12 @@ class AabbDetector(Detector):
                 if key in seen:
                     continue
                 if any(
-                    sweep_hits(moving, sweep.by, obstacle, self.options.tolerance_m)
+                    sweep_hits(
+                        moving,
+                        sweep.by,
+                        obstacle,
+                        sweep.tolerance_m(body.name, self.options.tolerance_m),
+                    )
                     for moving in sweep.boxes
                     for obstacle in boxes
                 ):
@@ -486,6 +500,13 @@ class AabbDetector(Detector):
                     for top in tops
                     if (area := contact_area(foot, top, tolerance_m)) is not None
                 )
+                holds = any(fit.holds and fit.into == other.name for fit in body.fits)
+                if holds and visit.event is Event.RELEASE:
+                    areas += tuple(
+                        (box.low[0], box.low[1], box.high[0], box.high[1])
+                        for box in boxes
+                        if any(_overlap(box, top) for top in tops)
+                    )
                 if areas:
                     contacts.append((placement.fact, other.name, areas))
             on_table = level is None and floor_m <= tolerance_m

@@ -273,7 +273,7 @@ def _plan_linear_motion(
     elif visit.event is Event.DRIVE:
         carries, leaves_with = visit.subject, None
     points, closing = _find_hand_directions(visit, grasp)
-    drop_m = _choose_drop_m(visit, drop_height_m)
+    drop_m = _choose_drop_m(task.scene, visit, drop_height_m)
     tip = _find_tip(task, visit, grasp)
     body = None if grasp is None else task.scene.body(visit.subject)
     shank = _find_shank(task, visit)
@@ -336,9 +336,12 @@ def _lower_m(shape: Shape, pose: Pose) -> float:
     return max(0.0, shape.reach_m(pose.inverse().rotate(DOWN)))
 
 
-def _choose_drop_m(visit: Visit, drop_height_m: float) -> float:
+def _choose_drop_m(scene: Scene, visit: Visit, drop_height_m: float) -> float:
     """Return the height above its goal at which a visit releases a part [m]."""
     if visit.event is not Event.RELEASE or is_same_direction(visit.along, AXES["z"]):
+        return 0.0
+    if any(fit.is_led for fit in scene.body(visit.subject).fits):
+        # The hand brings it to its seat.
         return 0.0
     if is_same_direction(visit.along, DOWN):
         return drop_height_m

@@ -65,7 +65,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A fit that the shapes of a body leave more room than is drawn.
+    """A fit of a body in another, which is there before.
 
     Parameters
     ----------
@@ -75,11 +75,45 @@ class Fit:
         Clearance of the drawing, on each side [m]; negative for interference.
     play_m
         Clearance that the shapes leave, on each side [m].
+    kind
+        ``clearance``, ``press``, ``snap``, ``compliant`` or ``glued``; "" if the body only has
+        shapes that leave a play.
+    force_n
+        Force that pushes the body in [N]; None for the engine's limit.
+    lead_in_m
+        Width of the chamfer at the mouth [m]; None if contacts lead the body in.
+    stops
+        True if a face of another body must end the insertion.
     """
 
     into: str
     drawn_m: float
     play_m: float
+    kind: str = ""
+    force_n: float | None = None
+    lead_in_m: float | None = None
+    stops: bool = False
+
+    @property
+    def overlap_m(self) -> float:
+        """Overlap of the shapes that the fit states, >= 0 [m]."""
+        return max(0.0, -self.drawn_m) if self.kind else 0.0
+
+    @property
+    def holds(self) -> bool:
+        """True if the body stays in place by this fit alone."""
+        return self.kind in ("press", "snap", "glued")
+
+    @property
+    def fastens(self) -> bool:
+        """True if engines fix the body to the other one: it is held, or cannot lie apart."""
+        return self.holds or self.kind == "compliant"
+
+    @property
+    def is_led(self) -> bool:
+        """True if engines lead the body in with a force: rigid shapes cannot overlap."""
+        led = self.overlap_m > 0 or self.lead_in_m is not None or self.kind == "glued"
+        return bool(self.kind) and led
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +163,7 @@ class Body:
         The exact shapes, if one of them is not convex and `shapes` holds its convex pieces, or if
         `shapes` leave room in fits; else empty.
     fits
-        Fits that `shapes` leave more room than the exact shapes.
+        Fits in other bodies.
     fixed
         True for a body that nothing moves, however it is pushed.
     shank

@@ -222,6 +222,14 @@ class World:
     def stand(self, moving: Iterable[str]) -> None:
         """Do nothing: bodies that are not moved need no fixing here."""
 
+    def push(self, name: str, force_n: Vector) -> None:
+        """Push the centre of a body in every step until further notice [N], shape (3,)."""
+        self.data.xfrc_applied[self.numbers[name], :3] = force_n
+
+    def pushed_n(self, name: str) -> Vector:
+        """Return the force of `push` on a body [N], shape (3,)."""
+        return np.array(self.data.xfrc_applied[self.numbers[name], :3])
+
     def put(self, name: str, pose: Pose) -> None:
         """Move a body to a pose, at rest."""
         x, y, z, w = pose.orientation

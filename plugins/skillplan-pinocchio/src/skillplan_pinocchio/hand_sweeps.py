@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -254,7 +255,16 @@ class HandSweeps:
         offset = _subtract(motion.grasp_tip, begin)
         body, pose = self.scene.body(carried), motion.visit.pose.moved(offset)
         spares = get_spared_bodies(motion)
-        yield Sweep(label, carried, make_pieces(body, pose), by, spares, is_load=True)
+        # A fit states an overlap with its partner on the last stretch to the goal.
+        ends = plus(begin, by, 1.0)
+        is_last = (
+            motion.visit.event is Event.RELEASE
+            and math.dist(ends, motion.grasp_tip) <= motion.drop_m + 1e-9
+        )
+        fits = body.fits if is_last else ()
+        overlaps_m = {fit.into: fit.overlap_m for fit in fits if fit.overlap_m > 0}
+        pieces = make_pieces(body, pose)
+        yield Sweep(label, carried, pieces, by, spares, is_load=True, overlaps_m=overlaps_m)
         if body.shank is not None:
             shank = make_shank_pieces(body, pose)
             passes = spares.union(body.shank.passes)

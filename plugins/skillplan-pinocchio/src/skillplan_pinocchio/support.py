@@ -61,6 +61,8 @@ class Supports:
         Height of the centre of mass [m].
     reach_m
         Largest extent of the body [m].
+    holders
+        Bodies with their facts, each of which holds the body by a fit.
     """
 
     body: str
@@ -68,6 +70,7 @@ class Supports:
     contacts: tuple[Contact, ...]
     height_m: float = 0.0
     reach_m: float = 1.0
+    holders: tuple[tuple[str, str | None], ...] = ()
     _known: dict[tuple[bool, ...], bool] = field(default_factory=dict, compare=False, repr=False)
 
     def hold(self, there: Sequence[bool]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from skillplan.task.motion import Point
@@ -46,6 +47,8 @@ class Sweep:
         Bodies that may be touched.
     is_load
         True for the carried body, False for hand and tool.
+    overlaps_m
+        Depths to which it may enter some bodies by its fits [m].
     """
 
     def __init__(
@@ -57,12 +60,14 @@ class Sweep:
         spares: frozenset[str],
         *,
         is_load: bool = False,
+        overlaps_m: Mapping[str, float] | None = None,
     ) -> None:
         self.label = label
         self.mover = mover
         self.pieces = pieces
         self.by = by
         self.is_load = is_load
+        self.overlaps_m = overlaps_m or {}
         self.spares = spares
         self._swept = tuple(piece.swept(by) for piece in pieces)
 

@@ -45,7 +45,7 @@ from skillplan_pinocchio.swept_motion import (
     SweptMotionBuilder,
     VerdictInState,
 )
-from skillplan_pinocchio.tight_fits import describe_assumed_play, find_tight_fits
+from skillplan_pinocchio.tight_fits import describe_unchecked_fits, find_tight_fits
 from skillplan_pinocchio.timing.kinematic_run import KinematicRun
 from skillplan_pinocchio.timing.skill_times import LeastTimes, SkillTimes
 from skillplan_pinocchio.timing.slow_zones import SlowZones
@@ -276,7 +276,10 @@ class SweptDetector(Detector):
         """Return limits that the arm's description lacks, and the play that fits are given."""
         if self.refuses() is not None:
             return ()
-        return (*self._robot.model.not_checked, *describe_assumed_play(self.task.scene.bodies))
+        return (
+            *self._robot.model.not_checked,
+            *describe_unchecked_fits(self.task.scene.bodies, simulated=False),
+        )
 
     def check(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on the motion of `skill`; see :meth:`BackEnd.check`."""

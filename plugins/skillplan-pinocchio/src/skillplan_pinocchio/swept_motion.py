@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.task.motion import Event
-from skillplan.task.pose import DOWN, Pose, is_same_direction
-from skillplan.task.scene import Scene
+from skillplan.task.motion import AXES, Event, Point
+from skillplan.task.pose import DOWN, Pose, cross, dot, is_same_direction, unit
+from skillplan.task.scene import Body, Scene
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan_pinocchio.arm_model import Vector
@@ -18,7 +18,7 @@ from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.motion_plan import ArmMotion, Elbow, MotionPlanner
 from skillplan_pinocchio.planning.continuous_check import Hit
 from skillplan_pinocchio.planning.travel import Unfound
-from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, make_standing_pieces
+from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, make_standing_pieces, may_touch
 from skillplan_pinocchio.skill_travels import SkillTravels
 from skillplan_pinocchio.support import Supports, find_supports
 from skillplan_pinocchio.sweep import Sweep, Touch
@@ -56,6 +56,29 @@ class ElbowChoice:
 
 
 @dataclass(frozen=True)
+class Stops:
+    """The faces that may end an insertion at its goal.
+
+    Parameters
+    ----------
+    into
+        Bodies that the part has fits in.
+    ahead
+        Faces that a deeper part would press on.
+    along
+        Direction of the insertion, in words.
+    gaps_m
+        Distance to the next body ahead, by its fact [m]; 0 and None for the table.
+    """
+
+    body: str
+    into: tuple[str, ...]
+    ahead: Supports
+    along: str
+    gaps_m: Mapping[tuple[str, str | None], float]
+
+
+@dataclass(frozen=True)
 class SweptMotion:
     """All events that can make a skill infeasible along one path of the arm.
 
@@ -65,13 +88,24 @@ class SweptMotion:
         Collisions in order of the motion.
     supports
         Supports of the parts left behind.
+    stops
+        Ends of the insertions of parts with a fit.
     travels
         Travels to the motions; None if a motion is impossible or travels are not checked.
     """
 
     events: tuple[Collision | ElbowChoice, ...]
     supports: tuple[Supports, ...]
+    stops: tuple[Stops, ...] = ()
     travels: SkillTravels | None = None
+
+
+# Reach of a fit about its part [m].
+_REACH_M = 0.0005
+# Distance at which a body ahead of an insertion is looked for, and its accuracy [m].
+_FAR_M, _ACCURACY_M = 0.02, 2e-5
+# Largest component along an axis that still serves to level a direction.
+_STEEP = 0.9
 
 
 class SweptMotionBuilder:
@@ -106,6 +140,7 @@ class SweptMotionBuilder:
         """Return the swept motion of a skill from its planned motions."""
         events: list[Collision | ElbowChoice] = []
         supports: list[Supports] = []
+        stops: list[Stops] = []
         for index, planned in enumerate(motions):
             motion = planned.motion
             if planned.unreachable is not None:
@@ -114,7 +149,7 @@ class SweptMotionBuilder:
                     "missed_by_m": planned.unreachable.distance_m,
                 }
                 events.append(Collision(None, planned.unreachable.reason, evidence))
-                return SweptMotion(tuple(events), tuple(supports))
+                return SweptMotion(tuple(events), tuple(supports), tuple(stops))
             events += self._clash(motion)
             for stretch in self.sweeps.approach(motion):
                 events += self._collisions(stretch)
@@ -123,8 +158,10 @@ class SweptMotionBuilder:
                 events += self._collisions(stretch)
             if self.check_support and motion.visit.event in (Event.RELEASE, Event.DRIVE):
                 supports.append(self._supports(motion))
+                if motion.visit.event is Event.RELEASE and self._stopped_by(motion):
+                    stops.append(self._stops(motion))
         travels = None if self.travels is None else self.travels(motions)
-        return SweptMotion(tuple(events), tuple(supports), travels)
+        return SweptMotion(tuple(events), tuple(supports), tuple(stops), travels)
 
     def _collisions(self, sweeps: Iterable[Sweep]) -> list[Collision]:
         """Return the collisions of any state, in the order of the motion."""
@@ -133,7 +170,8 @@ class SweptMotionBuilder:
             for obstacle in self.planner.obstacles:
                 if obstacle.body in sweep.spares or not obstacle.stops(load=sweep.is_load):
                     continue
-                touch = sweep.touch(obstacle, self.planner.tolerance_m, self.planner.samples)
+                tolerance_m = self.planner.tolerance_m + sweep.overlaps_m.get(obstacle.body, 0.0)
+                touch = sweep.touch(obstacle, tolerance_m, self.planner.samples)
                 if touch is not None:
                     collisions.append(
                         (touch.fraction, _make_collision(obstacle, sweep.mover, sweep.label, touch))
@@ -166,7 +204,79 @@ class SweptMotionBuilder:
                 replace(obstacle, pieces=_transform_pieces(level, obstacle.pieces))
                 for obstacle in obstacles
             )
-        return find_supports(body.name, pieces, obstacles, self.planner.tolerance_m)
+        supports = find_supports(body.name, pieces, obstacles, self.planner.tolerance_m)
+        if visit.event is not Event.RELEASE:
+            return supports
+        holding = {fit.into for fit in body.fits if fit.holds}
+        holders = [
+            (obstacle.body, obstacle.fact)
+            for obstacle in obstacles
+            if obstacle.body in holding
+            and any(may_touch(own, other, -_REACH_M) for own in pieces for other in obstacle.pieces)
+        ]
+        return replace(supports, holders=tuple(holders))
+
+    def _stopped_by(self, motion: LinearMotion) -> tuple[str, ...]:
+        """Return the partners of fits of a released part whose insertion a face must end."""
+        fits = self.scene.body(motion.visit.subject).fits
+        return tuple(fit.into for fit in fits if fit.stops)
+
+    def _stops(self, motion: LinearMotion) -> Stops:
+        """Return the faces ahead of a part at its goal, and the gaps to bodies that are deeper."""
+        visit, tolerance_m = motion.visit, self.planner.tolerance_m
+        body = self.scene.body(visit.subject)
+        x, y, z = visit.along
+        across = AXES["y"] if abs(y) < _STEEP else AXES["x"]
+        level = Pose.of_axes((0.0, 0.0, 0.0), unit(cross(across, visit.along)), (-x, -y, -z))
+        frame = level.inverse()
+        standing = make_standing_pieces(body, visit.pose)
+        pieces = _transform_pieces(frame, standing)
+        obstacles = tuple(
+            replace(obstacle, pieces=_transform_pieces(frame, obstacle.pieces))
+            for obstacle in self.planner.obstacles
+            if obstacle.zone is None
+        )
+        ahead = find_supports(body.name, pieces, obstacles, tolerance_m)
+        gaps_m = {}
+        for obstacle in obstacles:
+            if obstacle.body == body.name:
+                continue
+            deep_m = tolerance_m + self._overlap_m(body, obstacle.body)
+            gap_m = _find_gap_m(body.name, pieces, obstacle, deep_m)
+            if gap_m is not None:
+                gaps_m[obstacle.body, obstacle.fact] = gap_m
+        return Stops(body.name, self._stopped_by(motion), ahead, _name(visit.along), gaps_m)
+
+    @staticmethod
+    def _overlap_m(body: Body, other: str) -> float:
+        return max((fit.overlap_m for fit in body.fits if fit.into == other), default=0.0)
+
+
+def _find_gap_m(
+    name: str, pieces: tuple[ConvexPiece, ...], obstacle: Obstacle, deep_m: float
+) -> float | None:
+    """Return how far pieces may go down until they are too deep in a body [m], or None."""
+
+    def is_deep(far_m: float) -> bool:
+        sweep = Sweep("", name, pieces, (0.0, 0.0, -far_m), frozenset())
+        return sweep.touch(obstacle, deep_m, 1) is not None
+
+    low_m, high_m = 0.0, _FAR_M
+    if not is_deep(high_m):
+        return None
+    while high_m - low_m > _ACCURACY_M:
+        middle_m = (low_m + high_m) / 2
+        low_m, high_m = (low_m, middle_m) if is_deep(middle_m) else (middle_m, high_m)
+    return max(0.0, high_m - deep_m)
+
+
+def _name(direction: Point) -> str:
+    """Return the name of a direction: ``-z``, or its components."""
+    for name, axis in AXES.items():
+        along = dot(axis, direction)
+        if abs(abs(along) - 1) < 1e-9:
+            return f"{'+' if along > 0 else '-'}{name}"
+    return "(" + " ".join(f"{value + 0.0:.3g}" for value in direction) + ")"
 
 
 def _transform_pieces(frame: Pose, pieces: Iterable[ConvexPiece]) -> tuple[ConvexPiece, ...]:
@@ -256,6 +366,10 @@ class VerdictInState:
             verdict = self._unsupported(supports)
             if verdict is not None:
                 return verdict
+        for stops in motion.stops:
+            verdict = self._unstopped(stops)
+            if verdict is not None:
+                return verdict
         return self._travelled(motion.travels)
 
     def _travelled(self, travels: SkillTravels | None) -> Verdict:
@@ -304,8 +418,24 @@ class VerdictInState:
             blocking = blocking or collision
         return blocking
 
+    def _unstopped(self, stops: Stops) -> Verdict | None:
+        """Return an infeasible verdict if nothing ends an insertion at its goal, or None."""
+        contacts = stops.ahead.contacts
+        if any(self._holds(contact.fact) for contact in contacts):
+            return None
+        there = {key: gap_m for key, gap_m in stops.gaps_m.items() if self._holds(key[1])}
+        reason = f"nothing stops {stops.body} at its goal: it could go deeper along {stops.along}"
+        if there:
+            (nearest, _), gap_m = min(there.items(), key=lambda item: item[1])
+            reason += f", and {nearest} is {gap_m * 1e3:.1f} mm ahead"
+        possible = sorted({contact.body for contact in contacts})
+        evidence = {"body": stops.body, "bodies": [], "possible_supports": possible}
+        return Verdict.infeasible(reason, *self._rests, evidence)
+
     def _unsupported(self, supports: Supports) -> Verdict | None:
         """Return an infeasible verdict if a body is not supported, or None."""
+        if any(self._holds(fact) for _, fact in supports.holders):
+            return None
         there = [self._holds(contact.fact) for contact in supports.contacts]
         if supports.hold(there):
             return None

@@ -126,17 +126,60 @@ def _write_messages(fits: Sequence[TightFit], effect: str) -> dict[str, str]:
 _SHOWN = 4
 
 
+def describe_unchecked_fits(bodies: Iterable[Body], *, simulated: bool) -> tuple[str, ...]:
+    """Return sentences on what is not checked of fits.
+
+    Parameters
+    ----------
+    simulated
+        True for engines, which apply forces.
+    """
+    everything = tuple(bodies)
+    lines = list(describe_assumed_play(everything))
+    fits = [(body.name, fit) for body in everything for fit in body.fits if fit.kind]
+    if simulated:
+        led = [f"{name} in {fit.into} ({fit.kind})" for name, fit in fits if fit.is_led]
+        if led:
+            lines.append(
+                "contacts of fits that overlap or have a lead-in, while the part goes in: the "
+                "stated force resists, and a hand farther aside than the lead-in is refused: "
+                f"{_join(led)}"
+            )
+        loose = [
+            f"{name} in {fit.into}"
+            for name, fit in fits
+            if fit.is_led and fit.overlap_m > 0 and fit.lead_in_m is None
+        ]
+        if loose:
+            lines.append(f"how tight fits without lead_in_m find their hole: {_join(loose)}")
+    else:
+        forced = [f"{name} in {fit.into} ({fit.kind})" for name, fit in fits if fit.force_n]
+        if forced:
+            lines.append(f"forces of fits, which engines apply: {_join(forced)}")
+    return tuple(lines)
+
+
+def _join(names: Sequence[str]) -> str:
+    more = len(names) - _SHOWN
+    return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
 def describe_assumed_play(bodies: Iterable[Body]) -> tuple[str, ...]:
     """Return a sentence on the fits that shapes of bodies leave more room than is drawn."""
     fits = sorted(
         (fit.drawn_m, body.name, fit.into)
         for body in bodies
         for fit in body.fits
-        if fit.play_m > fit.drawn_m
+        if not fit.kind and fit.play_m > fit.drawn_m
     )
     if not fits:
         return ()
-    play_m = max(fit.play_m for body in bodies for fit in body.fits if fit.play_m > fit.drawn_m)
+    play_m = max(
+        fit.play_m
+        for body in bodies
+        for fit in body.fits
+        if not fit.kind and fit.play_m > fit.drawn_m
+    )
     named = [
         f"{name} in {into} (drawn {drawn_m * 1e3:.3g} mm)" for drawn_m, name, into in fits[:_SHOWN]
     ]

@@ -303,6 +303,7 @@ class World:
         self._still: set[str] = set()
         # Constraints between bodies that are fixed to each other.
         self._fastened: dict[tuple[str, str], int] = {}
+        self._pushes: dict[str, NDArray[np.float64]] = {}
         with quiet_output():
             self.client = pybullet.connect(pybullet.DIRECT)
             pybullet.setTimeStep(STEP_S, physicsClientId=self.client)
@@ -345,6 +346,15 @@ class World:
 
     def step(self) -> None:
         """Advance by 1/240 s."""
+        for name, force_n in self._pushes.items():
+            pybullet.applyExternalForce(
+                self.numbers[name],
+                -1,
+                force_n.tolist(),
+                self.centre(name).tolist(),
+                pybullet.WORLD_FRAME,
+                physicsClientId=self.client,
+            )
         pybullet.stepSimulation(physicsClientId=self.client)
         self.steps += 1
 
@@ -422,6 +432,16 @@ class World:
         self.add(body, pose, stands=stands)
         for part, bearing in fastened:
             self.fasten(part, bearing)
+
+    def push(self, name: str, force_n: NDArray[np.float64]) -> None:
+        """Push the centre of a body in every step until further notice [N], shape (3,)."""
+        self._pushes[name] = force_n
+        if not force_n.any():
+            del self._pushes[name]
+
+    def pushed_n(self, name: str) -> NDArray[np.float64]:
+        """Return the force of `push` on a body [N], shape (3,)."""
+        return self._pushes.get(name, np.zeros(3))
 
     def put(self, name: str, pose: Pose) -> None:
         """Move a body to a pose, at rest."""

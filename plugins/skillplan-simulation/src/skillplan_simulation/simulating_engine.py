@@ -21,7 +21,11 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.tight_fits import describe_assumed_play, find_blocked_fits, find_tight_fits
+from skillplan_pinocchio.tight_fits import (
+    describe_unchecked_fits,
+    find_blocked_fits,
+    find_tight_fits,
+)
 from skillplan_simulation.execution.plan_execution import (
     Observers,
     Rules,
@@ -161,7 +165,10 @@ class SimulatingEngine(Engine):
         if self.refuses() is not None:
             return ()
         scene = self.task.scene
-        return (*scene.robots[0].model.not_checked, *describe_assumed_play(scene.bodies))
+        return (
+            *scene.robots[0].model.not_checked,
+            *describe_unchecked_fits(scene.bodies, simulated=True),
+        )
 
     def record(self, skill: Skill, state: State) -> Record:
         """Return the execution of a skill, shared by all back ends with the same query."""

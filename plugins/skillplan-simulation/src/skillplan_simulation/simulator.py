@@ -104,6 +104,12 @@ class World(Protocol):
     def stand(self, moving: Iterable[str]) -> None:
         """Fix all bodies except those to be moved."""
 
+    def push(self, name: str, force_n: Vector) -> None:
+        """Push the centre of a body in every step until further notice [N], shape (3,)."""
+
+    def pushed_n(self, name: str) -> Vector:
+        """Return the force of `push` on a body [N], shape (3,)."""
+
     def put(self, name: str, pose: Pose) -> None:
         """Move a body to a pose, at rest."""
 

@@ -107,6 +107,9 @@ class HeldWorld(Protocol):
     def inertia_kg_m2(self, name: str) -> Vector:
         """Return the inertia tensor about the centre of mass in world axes, shape (3, 3)."""
 
+    def pushed_n(self, name: str) -> Vector:
+        """Return the force that pushes the centre of a body [N], shape (3,)."""
+
     def points_on(self, name: str) -> Sequence[Touch]:
         """Return the contacts of a body, as it feels them, with zero forces included."""
 
@@ -188,6 +191,7 @@ class StaticFriction:
         They follow from its acceleration, weight and other contacts.
         """
         force = self.world.mass_kg(self.name) * (linear + _UPWARDS)
+        force = force - self.world.pushed_n(self.name)
         moment = times(self.world.inertia_kg_m2(self.name), angular)
         centre = self.world.centre(self.name)
         for point in points:

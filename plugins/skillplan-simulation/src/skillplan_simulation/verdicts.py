@@ -180,12 +180,16 @@ def _find_fault(skill: Skill, record: Record, visit: Visit, tolerances: Toleranc
             f"{visit.subject} was pressed with {force_n:.1f} N, "
             f"where {tolerances.fastening_n:.1f} N are needed"
         )
+    if "missed" in sensed:
+        return str(sensed["missed"])
     inserted_n = sensed.get("insertion_force_n", 0.0)
-    if inserted_n > tolerances.insertion_n:
+    stated_n = sensed.get("insertion_limit_n")
+    limit_n = tolerances.insertion_n if stated_n is None else stated_n
+    if inserted_n > limit_n:
+        advice = "" if stated_n is not None else f"; leave it {CLEARANCE_MM:g} mm on each side"
         return (
-            f"{visit.subject} was pushed in with {inserted_n:.1f} N, "
-            f"where {tolerances.insertion_n:.1f} N are allowed; leave it {CLEARANCE_MM:g} mm on "
-            "each side"
+            f"{visit.subject} was pushed in with {inserted_n:.1f} N, where {limit_n:.1f} N are "
+            f"{'allowed' if stated_n is None else 'stated by its fit'}{advice}"
         )
     for name, expected in record.expected.items():
         final = record.final[name]

@@ -21,6 +21,7 @@ from skillplan.domains.assembly.gripping import (
 )
 from skillplan.domains.assembly.insertion import list_pick_visits, list_place_visits
 from skillplan.domains.assembly.layout import get_layout
+from skillplan.domains.assembly.part_schema import FitConfig
 from skillplan.domains.assembly.resting import find_bearers
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kinds, make_point
@@ -514,8 +515,21 @@ def _build_part(config: AssemblyConfig, name: str) -> Body:
         part.mass_kg,
         list_grasps(config, name),
         () if convex == shapes else shapes,
-        tuple(Fit(into, fit.drawn_m, fit.play_m) for into, fit in (part.fits or {}).items()),
+        tuple(_build_fit(into, fit) for into, fit in (part.fits or {}).items()),
         fixed=part.fixed,
+    )
+
+
+def _build_fit(into: str, fit: FitConfig) -> Fit:
+    play_m = max(fit.drawn_m, 0.0) if fit.play_m is None else fit.play_m
+    return Fit(
+        into,
+        fit.drawn_m,
+        play_m,
+        fit.kind or "",
+        fit.force_n,
+        fit.lead_in_m,
+        fit.kind is not None and fit.stop == "part",
     )
 
 

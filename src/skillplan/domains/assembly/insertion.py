@@ -62,6 +62,7 @@ def list_place_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visi
     directions = list_directions(config, name)
     part = config.parts[name]
     takes_s = find_dwell_s("place", config.durations_s, part, config.tools[part.tool])
+    takes_s += max((fit.wait_s or 0.0 for fit in (part.fits or {}).values()), default=0.0)
     visits = []
     for grasp in list_grasps(config, name):
         for direction in directions:

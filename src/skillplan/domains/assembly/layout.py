@@ -20,6 +20,8 @@ from skillplan.task.shape import Box, Shape
 _TABLE_M = 40.0
 # An axis with a larger z component counts as upright.
 _STEEP = 0.9
+# Slack of a part that passes the walls of its fit [m].
+_SLACK_M = 1e-6
 # Number of layouts kept: a draw of a family compares two of them.
 _KEPT = 4
 
@@ -102,7 +104,13 @@ class Layout:
         if name not in self._goals:
             part = self.config.parts[name]
             beneath = [self.goal(other) for other in part.goal_on or ()]
-            self._goals[name] = self._place(name, part.goal_m, part.goal_turn_rad, beneath)
+            overlaps_m = [
+                0.0 if fit is None else fit.overlap_m
+                for fit in ((part.fits or {}).get(other) for other in part.goal_on or ())
+            ]
+            self._goals[name] = self._place(
+                name, part.goal_m, part.goal_turn_rad, beneath, overlaps_m=overlaps_m
+            )
         return self._goals[name]
 
     def hole(self, screw: ScrewConfig) -> Point:
@@ -156,8 +164,15 @@ class Layout:
         turn_rad: Point,
         beneath: list[Solid],
         height_m: float = 0.0,
+        overlaps_m: Sequence[float] = (),
     ) -> Solid:
-        """Return a body at a given place, or else resting on the solids beneath it."""
+        """Return a body at a given place, or else resting on the solids beneath it.
+
+        Parameters
+        ----------
+        overlaps_m
+            Depths to which its fits let it into the walls of these solids [m].
+        """
         if name not in self._shapes:
             owner = self.config.fixtures.get(name) or self.config.parts[name]
             self._shapes[name] = owner.shapes
@@ -168,7 +183,13 @@ class Layout:
         x_m, y_m = place_m
         if beneath:
             raised = Solid(shapes, Pose.turned((x_m, y_m, 0.0), turn_rad))
-            falls_m = [fall_m for other in beneath if (fall_m := raised.fall_m(other)) is not None]
+            falls_m = [
+                fall_m
+                for other, overlap_m in zip(
+                    beneath, overlaps_m or [0.0] * len(beneath), strict=True
+                )
+                if (fall_m := _find_fall_m(raised, other, overlap_m)) is not None
+            ]
             if falls_m:
                 z_m = _round_height(-min(falls_m))
                 return Solid(shapes, Pose.turned((x_m, y_m, z_m), turn_rad))
@@ -184,6 +205,14 @@ class Layout:
 def _count_near(heights_m: list[float], level_m: float) -> tuple[int, float]:
     """Return the number of heights at a level, and the level [m]."""
     return sum(abs(height_m - level_m) <= TOUCH_M for height_m in heights_m), level_m
+
+
+def _find_fall_m(solid: Solid, other: Solid, overlap_m: float) -> float | None:
+    """Return the height to fall on another [m], past walls of a hole that overlap by a fit."""
+    if overlap_m <= 0.0:
+        return solid.fall_m(other)
+    fall_m = solid.narrowed_fall_m(other, overlap_m + _SLACK_M)
+    return fall_m if math.isfinite(fall_m) else solid.fall_m(other)
 
 
 def _round_height(length_m: float) -> float:

@@ -46,6 +46,10 @@ def _make_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
 
+def _is_stopped_by_part(value: Any) -> bool:
+    return bool(value == "part")
+
+
 Names = Annotated[
     list[Name],
     Field(min_length=1, max_length=64),
@@ -183,18 +187,98 @@ class MeshConfig(Strict):
         return self._sha256
 
 
-class FitConfig(Strict):
-    """A fit that the pieces of a part leave more room than is drawn."""
+# Kinds of fits that overlap, those that hold the part afterwards, and those that need a force.
+_TIGHT = ("press", "snap", "compliant")
+_ADVICE = {
+    "press": "a press fit is tighter than its hole",
+    "snap": "hooks give way by that much",
+    "compliant": "a seal is squeezed by that much",
+}
 
+
+class FitConfig(Strict):
+    """A fit of a part in another: its clearance, and how it goes in and stays."""
+
+    kind: Literal["clearance", "press", "snap", "compliant", "glued"] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="clearance: it slides in; press: it is pushed in and stays; snap: hooks give "
+        "way and hold it; compliant: a seal that yields; glued: it is held until the glue holds; "
+        "left out: convex pieces that leave the play 'play_m'",
+    )
     drawn_m: Annotated[float, Field(ge=-0.1, le=0.1)] = Field(
         description="clearance of the drawing, on each side [m]; negative for interference"
     )
-    play_m: Annotated[float, Field(ge=0, le=0.1)] = Field(
-        description="clearance that the pieces leave, on each side, without their excess [m]"
+    play_m: Annotated[float, Field(ge=0, le=0.1)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="clearance that the pieces leave, on each side, without their excess [m]; "
+        "needed without 'kind'; left out: as drawn",
     )
     outside_m: Annotated[float, Field(ge=0, le=0.1)] = Field(
         0.0, description="greatest excess of the pieces of both over the walls of their holes [m]"
     )
+    force_n: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="force that pushes it in [N], needed for press, snap and compliant: arm and "
+        "grip must bear it; of the others the most that engines allow; left out: 20 N",
+    )
+    lead_in_m: Annotated[float, Field(ge=0, le=0.05)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="width of the chamfer at the mouth [m]: engines lead the part in if the hand "
+        "is no farther aside; left out: none, and only contact leads it",
+    )
+    wait_s: Annotated[float, Field(gt=0, le=86_400)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="time that the hand holds a glued part at its goal [s], on top of its dwell, "
+        "needed for glue alone; left out: none",
+    )
+    stop: Literal["part", "arm"] = Field(
+        "part",
+        exclude_if=_is_stopped_by_part,
+        description="part: a face of another part or fixture ends the insertion at the goal; arm: "
+        "the arm ends it, and press, snap or glue holds the part there",
+    )
+
+    @model_validator(mode="after")
+    def _check_kind(self) -> Self:
+        if self.kind is None:
+            given = self.model_fields_set & {"force_n", "lead_in_m", "wait_s", "stop"}
+            if given:
+                raise Located("needs 'kind' of the fit. Give one.", min(given))
+            if self.play_m is None:
+                raise Located("give 'kind', or 'play_m' that convex pieces leave.")
+            return self
+        if self.kind in _TIGHT:
+            if self.drawn_m >= 0:
+                message = f"must be below 0, as {_ADVICE[self.kind]}."
+                raise Located(message, "drawn_m")
+            if self.force_n is None:
+                raise Located(f"key 'force_n' is missing: a {self.kind} fit takes a force.")
+        elif self.drawn_m < 0:
+            message = f"must not be below 0 for kind {self.kind}. Give press, snap or compliant."
+            raise Located(message, "drawn_m")
+        if (self.wait_s is not None) != (self.kind == "glued"):
+            if self.wait_s is None:
+                raise Located("key 'wait_s' is missing: a glued part is held until it stays.")
+            raise Located(f"is for glue, not for kind {self.kind}. Leave it out.", "wait_s")
+        if self.stop == "arm" and self.kind in ("clearance", "compliant"):
+            message = f"nothing would hold the part, as kind {self.kind} lets it slide. Give part."
+            raise Located(message, "stop")
+        return self
+
+    @property
+    def overlap_m(self) -> float:
+        """Stated overlap of the shapes, >= 0 [m]; 0 without a kind."""
+        return 0.0 if self.kind is None else max(0.0, -self.drawn_m)
+
+    @property
+    def holds(self) -> bool:
+        """True if the part stays in place by this fit alone."""
+        return self.kind in ("press", "snap", "glued")
 
 
 class Shaped(Strict):
@@ -340,8 +424,10 @@ class PartConfig(Shaped):
     fits: dict[Name, FitConfig] | None = Field(
         None,
         exclude_if=is_absent,
-        description="parts that it goes in beside, by name; swept and engines then use its pieces "
-        "even if its meshes are convex, and state the play that they assume; left out: none",
+        description="fits in other parts that are there before it, by name, as "
+        "{housing: {kind: press, drawn_m: -2.0e-5, force_n: 40}}; without kind, swept and engines "
+        "use its pieces even if its meshes are convex, and state the play that they assume; left "
+        "out: none",
     )
     durations_s: PartDurations | None = Field(
         None,
@@ -381,7 +467,8 @@ class PartConfig(Shaped):
 
     def moves_as_pieces(self, mesh: MeshConfig) -> bool:
         """Return True if a mesh is concave, or if its given pieces leave room in fits."""
-        return super().moves_as_pieces(mesh) or bool(self.fits and mesh.given_pieces)
+        as_pieces = any(fit.kind is None for fit in (self.fits or {}).values())
+        return super().moves_as_pieces(mesh) or bool(as_pieces and mesh.given_pieces)
 
 
 def _make_turn(rpy_rad: list[float] | None, yaw_rad: float) -> Point:

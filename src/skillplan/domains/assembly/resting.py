@@ -10,7 +10,7 @@ from itertools import combinations
 from skillplan.collision.solid import TOUCH_M, Solid, find_centre, is_supported
 from skillplan.domains.assembly.layout import get_layout, get_table
 from skillplan.domains.assembly.part_meshes import build_origin_hint
-from skillplan.domains.assembly.part_schema import PartConfig
+from skillplan.domains.assembly.part_schema import FitConfig, PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 
@@ -138,10 +138,14 @@ def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issu
         if second in config.fixtures:
             continue
         depth_m = stage.solids[second].depth_m(stage.solids[first])
-        if depth_m > TOUCH_M:
+        fit = _find_fit(config, first, second)
+        stated_m = 0.0 if fit is None or stage.key == "start" else fit.overlap_m
+        if depth_m > TOUCH_M + stated_m:
             way_m = stage.solids[second].way_out_m(stage.solids[first])
             message = (
-                f"{second!r} and {first!r} overlap by {_show_mm(way_m)} {stage.when}. Move one."
+                f"{second!r} and {first!r} overlap by {_show_mm(way_m)} {stage.when}"
+                + (f", where their fit states {stated_m * 1e3:.3g} mm" if stated_m else "")
+                + ". Move one."
             )
             message += build_origin_hint(config, (second, first))
             given = stage.place(config.parts[second]) is not None
@@ -156,11 +160,24 @@ def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issu
             yield Issue(message, ("parts", name, f"{stage.key}_m")), {name}
 
 
+def _find_fit(config: AssemblyConfig, first: str, second: str) -> FitConfig | None:
+    """Return the fit between two parts, whichever states it, or None."""
+    for name, other in ((first, second), (second, first)):
+        part = config.parts.get(name)
+        if part is not None and other in (part.fits or {}):
+            return (part.fits or {})[other]
+    return None
+
+
 def _find_gaps(part: PartConfig, name: str, stage: _Stage) -> Iterator[Issue]:
     """Yield the named supports that a part does not touch, and a part above all supports."""
     own, place = stage.solids[name], stage.place(part)
     key, has_height = f"{stage.key}_on", place is not None and len(place) == 3
     named = stage.named.get(name, [])
+    fits = (part.fits or {}).values()
+    if stage.key == "goal" and has_height and any(fit.holds for fit in fits):
+        # The fit bears it; back ends check its stop.
+        return
     for index, other in enumerate(named):
         beneath = stage.solids[other]
         gap_m = own.gap_m(beneath)
@@ -187,15 +204,27 @@ def _find_gaps(part: PartConfig, name: str, stage: _Stage) -> Iterator[Issue]:
     if has_height and not named:
         yield from _find_floating(name, stage)
     if named and not has_height:
-        yield from _find_wall_overlap(name, named, stage)
+        beneath_fits = (fit for other, fit in (part.fits or {}).items() if other in named)
+        stated_m = max((fit.overlap_m for fit in beneath_fits if fit.kind), default=None)
+        yield from _find_wall_overlap(name, named, stage, stated_m)
 
 
-def _find_wall_overlap(name: str, named: list[str], stage: _Stage) -> Iterator[Issue]:
-    """Yield a part that would tip off a wall that it would pass if it were a little narrower."""
+def _find_wall_overlap(
+    name: str, named: list[str], stage: _Stage, stated_m: float | None = None
+) -> Iterator[Issue]:
+    """Yield a part that would tip off a wall that it would pass if it were a little narrower.
+
+    Parameters
+    ----------
+    stated_m
+        Overlap that its fit states [m], which must let it pass; None without a fit.
+    """
     own = stage.solids[name]
     beneath = [get_table(), *(solid for other, solid in stage.solids.items() if other != name)]
     corners = [corner for solid in beneath for face in own.contacts(solid) for corner in face]
-    if not corners or is_supported(find_centre(own.shapes, own.pose), corners):
+    if not corners:
+        return
+    if stated_m is None and is_supported(find_centre(own.shapes, own.pose), corners):
         return
 
     def passes(by_m: float) -> bool:
@@ -211,7 +240,10 @@ def _find_wall_overlap(name: str, named: list[str], stage: _Stage) -> Iterator[I
         middle_m = (low_m + high_m) / 2
         low_m, high_m = (low_m, middle_m) if passes(middle_m) else (middle_m, high_m)
     walls = " or ".join(repr(other) for other in named)
-    message = f"{name!r} is {_show_mm(high_m)} deep in a wall of {walls} {stage.when}. Move it."
+    deep = _show_mm(high_m) if stated_m is None else f"{high_m * 1e3:.3g} mm"
+    message = f"{name!r} is {deep} deep in a wall of {walls} {stage.when}"
+    message += "" if stated_m is None else f", where its fit states {stated_m * 1e3:.3g} mm"
+    message += ". Move it."
     key = "m" if stage.key == "goal" else "on"
     yield Issue(message, ("parts", name, f"{stage.key}_{key}"))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from skillplan.physics.performance import Contact
 from skillplan.task.motion import Point
-from skillplan.task.scene import Pose
+from skillplan.task.scene import Fit, Pose
 from skillplan_pinocchio.kinematics.fixed_order import dot, length
 from skillplan_simulation.record import FRAMES_PER_S, Pair
 from skillplan_simulation.simulator import ROBOT, STEPS_PER_S, TABLE, Arm, Touch, World
@@ -38,12 +38,33 @@ class Guides:
         Final position of the part, and the direction in which it gets there.
     lengths_m
         Length of the stretch along each body [m].
+    fits
+        Stated fits of the part in some of these bodies.
     """
 
     subject: str
     seat_m: Point
     along: Point
     lengths_m: Mapping[str, float]
+    fits: tuple[Fit, ...] = ()
+
+    @property
+    def led(self) -> tuple[Fit, ...]:
+        """Fits whose contacts a stated force replaces."""
+        return tuple(fit for fit in self.fits if fit.is_led)
+
+    @property
+    def force_n(self) -> float | None:
+        """Greatest stated force of the fits [N], or None."""
+        return max((fit.force_n for fit in self.fits if fit.force_n is not None), default=None)
+
+    def aside_m(self, position_m: Point) -> float:
+        """Return the distance of the part from the line to its seat [m]."""
+        off = [here - end for here, end in zip(position_m, self.seat_m, strict=True)]
+        left = sum(axis * value for axis, value in zip(self.along, off, strict=True))
+        return math.hypot(
+            *(value - left * axis for axis, value in zip(self.along, off, strict=True))
+        )
 
     def at(self, position_m: Point) -> set[str]:
         """Return the bodies that guide the part at a position."""

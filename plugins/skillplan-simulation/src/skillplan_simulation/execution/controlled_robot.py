@@ -331,7 +331,16 @@ class ControlledRobot:
             return
         self._static.hold(STEPS_PER_FRAME * STEP_S)
         if self._static.constraint is None:
+            name, pushed_n = self._static.name, length(self.world.pushed_n(self._static.name))
             self.unclasp()
+            if pushed_n > 0:
+                # It would fly off: nothing else takes up the force of its fit.
+                self.world.push(name, np.zeros(3))
+                self.arm.press_n = np.zeros(3)
+                self.sensed["missed"] = (
+                    f"{name} slips in the jaws under the {pushed_n:.0f} N of its fit; give its "
+                    "tool more force_n"
+                )
 
     def _refresh_contacts(self) -> None:
         """Recreate the contacts between jaws and the held body.

@@ -270,7 +270,7 @@ class SkillRunner(ControlledRobot):
             self.log.insert(subject)
         end = plus(motion.tip, self._stops_along(motion), -self._stops_m(motion))
         guides = self._guides.get(subject) if event is Event.RELEASE else None
-        if guides is None or self.log.inserted is not None:
+        if guides is None or (self.log.inserted is not None and not guides.led):
             self.move(end, path)
         else:
             self._slide_in(guides, begin, end, path)
@@ -299,7 +299,41 @@ class SkillRunner(ControlledRobot):
             self.move(mouth, PathSection(path, 0.0, share))
         self.log.phase(f"the insertion of {guides.subject}")
         self.log.guides = guides
-        self.move(end, PathSection(path, share, 1.0), _INSERTION_M_PER_S)
+        if guides.force_n is not None:
+            self.sensed["insertion_limit_n"] = guides.force_n
+        if not guides.led:
+            self.move(end, PathSection(path, share, 1.0), _INSERTION_M_PER_S)
+            return
+        self._lead_in(guides)
+        self.log.insert(guides.subject)
+        force_n = guides.force_n or 0.0
+        along = np.array(guides.along)
+        self.world.push(guides.subject, -force_n * along)
+        self.arm.press_n = force_n * along
+        try:
+            self.move(end, PathSection(path, share, 1.0), _INSERTION_M_PER_S)
+        finally:
+            self.world.push(guides.subject, np.zeros(3))
+            self.arm.press_n = np.zeros(3)
+        self.sensed["fit_force_n"] = force_n
+        for fit in guides.led:
+            if fit.fastens:
+                self.world.fasten(guides.subject, fit.into)
+            else:
+                self.world.join(guides.subject, [fit.into])
+
+    def _lead_in(self, guides: Guides) -> None:
+        """Check that lead-ins lead a part at their mouth, and let it pass the walls of its fits."""
+        aside_m = guides.aside_m(self.world.pose(guides.subject).position)
+        self.sensed["aside_m"] = aside_m
+        for fit in guides.led:
+            room_m = max(fit.drawn_m, 0.0) + (fit.lead_in_m or 0.0)
+            if fit.lead_in_m is not None and aside_m > room_m:
+                self.sensed["missed"] = (
+                    f"{guides.subject} meets the rim of {fit.into} {aside_m * 1e3:.2f} mm aside, "
+                    f"where clearance and lead-in are {room_m * 1e3:.2f} mm"
+                )
+        self.world.part(guides.subject, [fit.into for fit in guides.led])
 
     def _stops_m(self, motion: LinearMotion) -> float:
         """Return the distance from the target at which the tip stops [m]."""

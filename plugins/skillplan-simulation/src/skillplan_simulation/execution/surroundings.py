@@ -346,7 +346,13 @@ class Surroundings:
         for other in self._located:
             if other.body.name == body.body.name:
                 continue
-            if body.is_boxy and other.is_boxy:
+            if any(fit.into == other.body.name and fit.fastens for fit in body.body.fits):
+                bears = any(
+                    sweep_hits(box, _STILL, top, -_TOUCH_M)
+                    for box in body.boxes
+                    for top in other.boxes
+                )
+            elif body.is_boxy and other.is_boxy:
                 bears = any(
                     contact_area(foot, top, _TOUCH_M) is not None
                     for foot in feet

@@ -40,11 +40,30 @@ from skillplan_simulation.simulator import (
 )
 from skillplan_simulation.verdicts import CLEARANCE_MM, FRAMES, average_frames
 
+# Greatest distance of two bodies with a fit at their goals [m].
+_FIT_REACH_M = 0.0005
+
 
 class Fastenings:
-    """Screws of a task that are held by their threads."""
+    """Screws of a task that are held by their threads, and parts that are held by their fits."""
 
     def __init__(self, task: Task) -> None:
+        released = {
+            (visit.subject, fact)
+            for skill in task.skills
+            if skill.motion is not None
+            for route in skill.motion.routes
+            for visit in route.visits
+            if visit.event is Event.RELEASE
+            for fact in skill.prediction.add
+        }
+        self._fits: dict[tuple[str, str], tuple[str, ...]] = {}
+        for body in task.scene.bodies:
+            into = tuple(fit.into for fit in body.fits if fit.fastens)
+            for placement in body.placements if into else ():
+                is_goal = (body.name, placement.fact) in released or body.fixed
+                if is_goal and placement.frame == WORLD:
+                    self._fits[body.name, placement.fact] = into
         self._facts: set[tuple[str, str]] = set()
         for skill in task.skills:
             motions = (skill.motion, *(way.motion for way in skill.ways))
@@ -68,6 +87,9 @@ class Fastenings:
             Names of the bodies, and their placements.
         """
         for name, placement in there:
+            for into in self._fits.get((name, placement.fact), ()):
+                if into in world.numbers and world.is_near(name, into, _FIT_REACH_M):
+                    world.fasten(name, into)
             if self.hold(name, placement):
                 other = world.nearest(name)
                 if other is not None:
@@ -174,17 +196,24 @@ class GuideSearch:
             if visit.event is not Event.RELEASE:
                 continue
             lengths_m = {}
+            fits = {fit.into: fit for fit in self._bodies[visit.subject].fits if fit.kind}
             for other in self._bodies.values():
                 placement = other.placement(state)
                 is_there = placement is not None and placement.solid and placement.frame == WORLD
                 if placement is None or not is_there or other.name == visit.subject:
                     continue
                 insertion = self._measure(visit, other.name, placement.pose)
-                if insertion is not None and -_LEAST_OVERLAP_M < insertion.clearance_m < _LOOSE_M:
+                if insertion is None:
+                    continue
+                is_beside = -_LEAST_OVERLAP_M < insertion.clearance_m < _LOOSE_M
+                if is_beside or other.name in fits:
                     lengths_m[other.name] = insertion.length_m
             if lengths_m:
                 seat_m = visit.pose.position
-                guides[visit.subject] = Guides(visit.subject, seat_m, visit.along, lengths_m)
+                stated = tuple(fit for into, fit in fits.items() if into in lengths_m)
+                guides[visit.subject] = Guides(
+                    visit.subject, seat_m, visit.along, lengths_m, stated
+                )
         return guides
 
     def _measure(self, visit: Visit, other: str, pose: Pose) -> Insertion | None:
