@@ -184,6 +184,7 @@ PRINTED = [
         slow_case(command, reason="a second; a board's in every run")
         for command in (
             "search-optimal configs/ESC12.sop",
+            f"search-optimal {BOARD} --pareto time,distance --collision precedence",
             f"compare {BOARD} --solvers exhaustive,exact --set step_limit=15",
             "search-optimal configs/swarmitfix_triangular.yaml",
             "search-optimal configs/swarmitfix_fleet.yaml",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ from skillplan.views.report.chapters import (
     prepare_chain_input,
 )
 from skillplan.views.report.page import Chapter
-from skillplan.views.report.solver_chapters import build_comparison_chapter
+from skillplan.views.report.solver_chapters import build_comparison_chapter, build_front_chapter
 
 _MOST_BYTES = 64 * 2**20
 _REMEDY = "Give a result of search-optimal or compare, a task file, or a folder of train"
@@ -51,6 +51,13 @@ _REMEDY = "Give a result of search-optimal or compare, a task file, or a folder 
 _MOST_COMPONENTS = 60
 # Share of the remaining time for search or verification.
 _SEARCH_SHARE = 0.6
+
+
+# Documents that the page shows as they are, by schema.
+_BUILD: Mapping[str, Callable[[Mapping[str, Any], str], Chapter]] = {
+    schemas.COMPARISON: build_comparison_chapter,
+    schemas.FRONT: build_front_chapter,
+}
 
 
 @dataclass
@@ -100,10 +107,9 @@ class Reporter:
             return make_training_chapter(RunFolder(folder), name, limit_s)
         if not is_result(path):
             return self._of_task(path, name, self.deadline.share_s(_SEARCH_SHARE * share))
-        if _schema(find_result_path(path)) == schemas.COMPARISON:
-            return build_comparison_chapter(
-                read_document(find_result_path(path), schemas.COMPARISON, _REMEDY), name
-            )
+        stored, build = find_result_path(path), _BUILD.get(str(_schema(find_result_path(path))))
+        if build is not None:
+            return build(read_document(stored, str(_schema(stored)), _REMEDY), name)
         return self._of_result(path, name)
 
     def _of_task(self, path: str, name: str, limit_s: float | None) -> Chapter:

@@ -269,6 +269,14 @@ class Domain(ABC):
         """Return the default solver of a file."""
         return "auto"
 
+    def list_costs(self, config: Any) -> tuple[str, ...]:
+        """Return the names of the costs that a file can be solved for; none if there is one."""
+        return ()
+
+    def with_cost(self, config: Any, name: str) -> Any:
+        """Return a file without issues with another of the costs that `list_costs` names."""
+        raise OptionError(f"Tasks of kind {self.kind!r} have a single cost.")
+
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
         """Return random layouts of the same product.
 

@@ -265,6 +265,19 @@ class SkillModel:
         least_s = self._times.least_s(skill, bits, self.task.facts.all_bits & ~bits)
         return max(figure_s, least_s) if math.isfinite(least_s) else figure_s
 
+    def least_duration_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:
+        """Return a lower bound on the duration of a skill [s], with facts as in `least_cost`."""
+        if self._timed:
+            least_s = self._times.least_s(skill, true_bits, false_bits)
+            if math.isfinite(least_s):
+                return least_s
+        return skill.duration_s.least(true_bits, false_bits)
+
+    @property
+    def times_skills(self) -> bool:
+        """True if back ends compute the durations of skills."""
+        return self._timed
+
     def transitions(self, state: State) -> tuple[Transition, ...]:
         """Return the transitions of all feasible skills in `state`.
 

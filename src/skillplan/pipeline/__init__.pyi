@@ -15,6 +15,7 @@ from .exchange import make_exporter as make_exporter
 from .exchange import make_handover as make_handover
 from .exchange import read_given_plan as read_given_plan
 from .obstacles import preview_problem as preview_problem
+from .pareto import solve_front as solve_front
 from .performing import choose_variants as choose_variants
 from .performing import find_arm_meshes as find_arm_meshes
 from .registry import names as names
@@ -68,4 +69,5 @@ __all__ = [
     "solve_all",
     "solve_chain",
     "solve_chain_with_all",
+    "solve_front",
 ]

@@ -37,6 +37,8 @@ from .learning.tabular import SarsaSolver as SarsaSolver
 from .search.csp import CspSolver as CspSolver
 from .search.exact import ExactSolver as ExactSolver
 from .search.exhaustive import ExhaustiveSolver as ExhaustiveSolver
+from .search.front import Objective as Objective
+from .search.front import search_front as search_front
 from .search.landmark_bound import COST_UNIT as COST_UNIT
 from .search.landmark_bound import LandmarkBound as LandmarkBound
 from .search.landmark_bound import convert_from_units as convert_from_units
@@ -74,6 +76,7 @@ __all__ = [
     "NamedNetwork",
     "NetworkChoice",
     "NetworkPolicy",
+    "Objective",
     "ObservationCounts",
     "OutcomeTable",
     "Plan",
@@ -100,6 +103,7 @@ __all__ = [
     "random_bits",
     "reachable_policy",
     "relative_gap",
+    "search_front",
     "take_rows",
     "usual_steps",
 ]

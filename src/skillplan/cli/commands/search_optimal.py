@@ -22,7 +22,8 @@ from skillplan.cli.options.shared import (
     TaskFile,
     solver_option,
 )
-from skillplan.cli.options.values import fraction
+from skillplan.cli.options.values import fraction, split_names
+from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.cli.result_output import ResultFolder
@@ -67,6 +68,17 @@ def command(
             rich_help_panel=LIMITS,
         ),
     ] = 0.0,
+    pareto: Annotated[
+        str | None,
+        typer.Option(
+            "--pareto",
+            metavar="A,B",
+            help="Prove the Pareto front of two costs: distance, time, or the file's own cost, "
+            "wear, energy. --out saves its points and a picture. Takes no --solver, --start, "
+            "--gap.",
+            rich_help_panel=SOLVER,
+        ),
+    ] = None,
     out: Annotated[
         str | None,
         typer.Option(
@@ -84,6 +96,12 @@ def command(
     Ctrl-C and the limits of time and memory end the search with the best plan so far, its lower
     bound and its gap.
     """
+    if pareto is not None:
+        given = {"--solver": solver, "--start": start, "--gap": gap or None, "--audit": audit}
+        for name, value in given.items():
+            if value is not None:
+                raise OptionError(f"{name} is for one cost; leave it out with --pareto.")
+        return _search_front(task, reading, pareto, back_ends, checking, limits, out, style)
     from contextlib import nullcontext
     from dataclasses import replace
 
@@ -136,6 +154,56 @@ def command(
             folder.finish(beside, as_json(result.document()))
     code = exit_code([result])
     emit(style, result.document(), tables, failed=code != 0)
+    return code
+
+
+def _search_front(
+    path: str,
+    reading: PartReading,
+    pareto: str,
+    back_ends: BackEnds,
+    checking: Checking,
+    limits: Limits,
+    out: str | None,
+    style: str,
+) -> int:
+    """Print and save the Pareto front of two costs."""
+    from contextlib import nullcontext
+    from dataclasses import replace
+
+    from skillplan.cli.output import emit
+    from skillplan.cli.writing import as_json
+    from skillplan.errors import exit_code
+    from skillplan.pipeline.pareto import check_costs, solve_front
+    from skillplan.records.result import Status
+    from skillplan.views.tables.results import tabulate_front
+
+    problem = load_file(path, reading, back_ends)
+    task = problem.part(reading.part)
+    names = check_costs(problem, split_names(pareto))
+    setup = make_setup(back_ends, task, executor=checking.executor)
+    with nullcontext() if out is None else _held(out) as folder:
+        with limits.stoppable(pareto) as stop:
+            front = solve_front(
+                problem, names, setup, stop=stop, cache=open_cache(checking), jobs=checking.jobs
+            )
+        front = replace(front, origin=setup.origin(path, reading.part, reading.settings()))
+        table = tabulate_front(front)
+        if folder is not None:
+            from skillplan.records.stored.result_folder import FRONT_PICTURE, FRONT_POINTS
+            from skillplan.views.figures.figure_file import render_figure
+            from skillplan.views.figures.front_figure import draw_front_of
+            from skillplan.views.text.table import render_csv
+
+            picture = render_figure(draw_front_of(front), ".svg").decode("utf-8")
+            beside = {FRONT_POINTS: render_csv(table), FRONT_PICTURE: picture}
+            folder.finish(beside, as_json(front.document()))
+    code = exit_code(
+        solved=bool(front.points),
+        wrong=front.status in (Status.WRONG, Status.REFUSED),
+        interrupted=front.interrupted,
+    )
+    emit(style, front.document(), [table], failed=code != 0)
     return code
 
 

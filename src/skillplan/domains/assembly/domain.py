@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from skillplan.domains.assembly.consistency import find_issues
+from skillplan.domains.assembly.cost_schema import choose_cost, list_cost_names
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.layout_family import draw_layouts
 from skillplan.domains.assembly.overview import (
@@ -49,6 +50,14 @@ class AssemblyDomain(Domain):
         views = [listing(config) for listing in listings]
         document = {key: value for view in views for key, value in view.document.items()}
         return Overview(document, tuple(line for view in views for line in view.lines))
+
+    def list_costs(self, config: Any) -> tuple[str, ...]:
+        """Return distance and time, and those of a weighted sum: cost, wear, energy."""
+        return list_cost_names(config.cost)
+
+    def with_cost(self, config: Any, name: str) -> Any:
+        """Return the file with another of its costs."""
+        return config.model_copy(update={"cost": choose_cost(config.cost, name)})
 
     def has_family(self, config: Any) -> bool:
         """Return True if the file has a block ``family``."""

@@ -20,13 +20,15 @@ PLAN = "plan.csv"
 """File with the steps of the plan."""
 POLICIES = "policies.json"
 """File with the learned policies."""
+FRONT_POINTS, FRONT_PICTURE = "front.csv", "front.svg"
+"""Files with the points of a Pareto front, and its picture."""
 MANIFEST = "manifest.json"
 """Marks a folder of training runs, or of a study."""
 RELATIONAL = "relational.json"
 """A policy that carries over to other tasks; it lies in a folder of its own."""
 
 # Files that a killed search may leave without the document.
-_BESIDE = {PLAN, POLICIES, "timeline.csv"}
+_BESIDE = {PLAN, POLICIES, FRONT_POINTS, FRONT_PICTURE, "timeline.csv"}
 
 
 def list_leftovers(folder: Path) -> list[Path] | None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from skillplan.views.figures.figure_style import Heading
+from skillplan.views.figures.front_figure import draw_front
 from skillplan.views.figures.gantt_figure import PlanBar, draw_gantt_picture
-from skillplan.views.report.markup import Markup, facts, join, number, share, table, tag
+from skillplan.views.report.markup import Markup, facts, join, number, seconds, share, table, tag
 from skillplan.views.report.page import Chapter, Section
+from skillplan.views.report.pictures import embed_figure
 from skillplan.views.report.plan_sections import caption_picture
 from skillplan.views.report.summary import format_chip
 from skillplan.views.tables.training import describe_cause
@@ -60,6 +64,65 @@ def build_comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
             Section("times", "Seconds", caption_picture(picture, f"{name}-times", caption))
         )
     return Chapter(name, title, tag("p", {"class": "lead"}, words), sections)
+
+
+def build_front_chapter(document: Mapping[str, Any], name: str) -> Chapter:
+    """Return a Pareto front as a picture and a table.
+
+    Parameters
+    ----------
+    document
+        ``skillplan.front/1`` from an untrusted source.
+    """
+    labels = _list_cost_labels(document)
+    entries = document.get("points")
+    rows: list[list[object]] = []
+    drawn: list[tuple[float, float, bool]] = []
+    for entry in entries if isinstance(entries, list) else []:
+        point = _get_mapping(entry)
+        costs = point.get("costs")
+        if not isinstance(costs, list) or len(costs) != len(labels):
+            continue
+        proved = point.get("proved") is True
+        actions = point.get("actions")
+        rows.append(
+            [
+                str(len(rows) + 1),
+                *(number(cost) for cost in costs),
+                number(point.get("makespan")),
+                seconds(point.get("makespan_s")),
+                "yes" if proved else "no",
+                ", ".join(map(str, actions)) if isinstance(actions, list) else "-",
+            ]
+        )
+        if all(isinstance(cost, int | float) and math.isfinite(cost) for cost in costs):
+            drawn.append((float(costs[0]), float(costs[1]), proved))
+    whole = document.get("status") == "optimal"
+    words = "Every point is proved, and there are no others." if whole else "Not the whole front."
+    words += " No plan is better than one of these in both costs."
+    words += " The figures come from the file; nothing was verified for this page."
+    task = str(_get_mapping(document.get("task")).get("name"))
+    columns = ["point", *labels, "skills", "in all [s]", "proved", "sequence"]
+    sections = []
+    if drawn:
+        figure = draw_front(sorted(drawn), (labels[0], labels[1]), Heading(f"{task}: Pareto front"))
+        caption = f"{labels[0]} against {labels[1]}; plans lie in the shaded region."
+        picture = embed_figure(figure, f"Pareto front of {' and '.join(labels)}", caption)
+        sections.append(Section("picture", "The front", picture))
+    points = table(f"{len(rows)} points", columns, rows, "nnnnn")
+    sections.append(Section("points", "Points", points))
+    lead = join([format_chip(document.get("status")), tag("p", {"class": "lead"}, words)])
+    return Chapter(name, f"{task}: {' against '.join(labels)}", lead, sections)
+
+
+def _list_cost_labels(document: Mapping[str, Any]) -> list[str]:
+    costs = document.get("costs")
+    labels = []
+    for cost in costs if isinstance(costs, list) else []:
+        entry = _get_mapping(cost)
+        unit = f" [{entry['unit']}]" if entry.get("unit") else ""
+        labels.append(f"{entry.get('name')}{unit}")
+    return labels if len(labels) == 2 else ["first cost", "second cost"]
 
 
 def _get_seconds(row: Mapping[str, Any]) -> float | None:

@@ -212,7 +212,7 @@ def tabulate_evaluation(evaluation: Evaluation) -> Table:
                 "here with every nominal outcome"
             )
     if evaluation.best is not None:
-        notes += describe_times(evaluation.best, task.metric)
+        notes += describe_times(evaluation.best.timed_by, task.metric)
     if walked.total_reward is not None:
         notes.append(f"reward     {walked.total_reward:.5f}")
     for fault in walked.violations:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from skillplan.model.replay import Step
 from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
 from skillplan.records.chain_result import ChainResult
+from skillplan.records.front import Front
 from skillplan.records.result import Result, SimulationOutcome, Status
 from skillplan.records.stored.result_folder import PLAN
 from skillplan.task.motion import Point
@@ -55,7 +56,7 @@ def tabulate_plan(result: Result, task: Task) -> Table:
             f"sequence   {actions}",
             f"plan       {result.makespan} skills"
             + (f", {format_number(result.makespan_s, 1)} s" if result.makespan_s else ""),
-            *describe_times(result, task.metric),
+            *describe_times(result.timed_by, task.metric),
             *describe_dwells(task),
         ]
     else:
@@ -110,13 +111,13 @@ def _describe_bound(result: Result, task: Task) -> list[str]:
     return [f"bound      {claim} by {result.bound_method or result.solver}"]
 
 
-def describe_times(result: Result, metric: Metric) -> list[str]:
+def describe_times(timed_by: str, metric: Metric) -> list[str]:
     """Return the terms of a weighted sum, and the source of times if costs depend on them."""
     terms = [f"weights    {', '.join(metric.terms)}"] if metric.terms else []
     if not metric.depends_on_time:
         return terms
-    if result.timed_by:
-        return [*terms, f"times      trajectories of {result.timed_by}, and the task's dwell times"]
+    if timed_by:
+        return [*terms, f"times      trajectories of {timed_by}, and the task's dwell times"]
     return [
         *terms,
         "times      the task's travel_speed_m_per_s and dwell times, as no back end plans "
@@ -439,3 +440,67 @@ def _describe_verdict(certificate: Certificate, most: int) -> str:
 
 def _name_claims(claims: Sequence[str], most: int) -> str:
     return ", ".join(claims) if len(claims) <= most else f"{len(claims)} claims"
+
+
+_WHOLE = "complete: every point is proved, and there are no others"
+
+
+def tabulate_front(front: Front) -> Table:
+    """Return a row for every point, with the claims of the front below."""
+    lasts = "time" not in front.names
+    columns = (
+        Column("point", right=True),
+        *(
+            Column(f"{name} [{metric.unit}]" if metric.unit else name, right=True)
+            for name, metric in zip(front.names, front.metrics, strict=True)
+        ),
+        Column("skills", right=True),
+        *([Column("time [s]", right=True)] if lasts else []),
+        Column("proved"),
+        Column("sequence", below=True),
+    )
+    rows = [
+        (
+            str(number),
+            *(
+                f"{cost:.{metric.decimals}f}"
+                for cost, metric in zip(point.costs, front.metrics, strict=True)
+            ),
+            str(len(point.skills)),
+            *([f"{point.makespan_s:.1f}"] if lasts else []),
+            "yes" if point.proved else "no",
+            ",".join(map(str, point.actions)),
+        )
+        for number, point in enumerate(front.points, start=1)
+    ]
+    title = f"{front.task}: Pareto front of {front.names[0]} and {front.names[1]}, physics "
+    title += f"{front.physics}, collision {front.collision or 'none'}"
+    return Table(title, columns, rows, describe_front(front))
+
+
+def describe_front(front: Front) -> list[str]:
+    """Return the claims of a front in words, each after a label."""
+    metric = front.metrics[0]
+    claim = _WHOLE if front.status is Status.OPTIMAL else PROOF[front.status]
+    if front.status is Status.SOLVED:
+        claim = "some points; others may be missing"
+    notes = [f"status     {claim}" + (f" ({front.reason})" if front.reason else "")]
+    if front.reached is not None and front.status is Status.SOLVED:
+        notes.append(f"searched   up to a {front.names[0]} of {metric.text(front.reached)}")
+    if front.points:
+        notes.append(f"proved by  {', '.join(front.proved_by)}")
+    if front.confirmed_by:
+        ends = f"least {front.names[0]} and least {front.names[1]}"
+        notes.append(
+            f"confirmed  {ends} by the solver {front.confirmed_by}, each in a search alone"
+        )
+    timed = next((m for m in front.metrics if m.depends_on_time), None)
+    if timed is not None and front.points:
+        notes += describe_times(front.timed_by, timed)
+    notes += describe_unchecked(front.not_checked)
+    if front.stats:
+        notes.append(
+            f"effort     {front.stats['checks']} checks, {front.stats['labels']} labels, "
+            f"{front.stats['expanded']} expanded, {front.stats['wall_s']:.2f} s"
+        )
+    return notes
