@@ -28,7 +28,7 @@ SETTINGS = ExecutionSettings()
 ACROSS = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
-def task_with(shape: dict[str, object], mass_kg: float) -> Task:
+def task_with(shape: dict[str, object], mass_kg: float, **gripper: object) -> Task:
     """Return a task of a UR5e with a gripper and one part."""
     part = {"tool": "gripper", "mass_kg": mass_kg, "start_m": [0.5, 0.0], "goal_m": [0.5, 0.2]}
     return assembly(
@@ -36,7 +36,7 @@ def task_with(shape: dict[str, object], mass_kg: float) -> Task:
             "kind": "assembly",
             "name": "held",
             "robot": {"model": "ur5e", "home_m": [0.4, -0.1], "safe_height_m": 0.3},
-            "tools": {"gripper": {"holder_m": [0.3, 0.42]}},
+            "tools": {"gripper": {"holder_m": [0.3, 0.42], **gripper}},
             "initial_tool": "gripper",
             "parts": {"part": {**part, **shape}},
         }
@@ -121,6 +121,13 @@ def test_what_friction_cannot_hold_slips(mass_kg, held_m, mm, deg):
     slip_mm, turn_deg = Held(task_with(shape, mass_kg), held_m).swung()
     assert slip_mm > mm
     assert turn_deg > deg
+
+
+def test_finger_tips_as_thick_as_two_margins_hold_a_part():
+    """Jaws are drawn smaller by a margin: tips of 4 mm were flat, and MuJoCo refused the cell."""
+    profile_m = [[0.0, 0.003, 0.0, 0.004], [0.05, 0.003, 0.0, 0.004]]
+    slip_mm, _ = Held(task_with(BLOCK, 0.1, jaw_profile_m=profile_m)).swung()
+    assert slip_mm < 0.1
 
 
 def test_jaws_press_alike_on_what_they_hold_and_on_what_slips():

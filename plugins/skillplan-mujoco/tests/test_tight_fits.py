@@ -71,6 +71,18 @@ def test_an_engine_refuses_a_file_with_a_fit_that_pieces_block(tmp_path, capfd, 
     assert "parts.frame" in error
 
 
+def test_the_fault_of_an_engine_in_the_task_of_a_result_is_shown(tmp_path, capfd):
+    """The task lies beside the result; a file that is no task would not be quoted."""
+    path = write_framed_peg(tmp_path, 0.5, 0.6)
+    result = str(tmp_path / "plan")
+    for command in (["search-optimal", str(path), "--out", result], ["simulate", result]):
+        with pytest.raises(SystemExit) as ended:
+            main([*command, *(["--physics", "mujoco"] if command[0] == "simulate" else [])])
+    _, error = capfd.readouterr()
+    assert ended.value.code == 2
+    assert "'frame' fits 'peg' with 0.50 mm between their meshes" in error
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(
     "outside_mm", [pytest.param(0.0, marks=WIDER), pytest.param(0.45, marks=WIDER), 0.6]

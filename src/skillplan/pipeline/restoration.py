@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -94,6 +94,16 @@ def is_near(file: str, document_folder: Path) -> bool:
     return real.is_relative_to(beside) or real.is_relative_to(here)
 
 
+def _is_task(origin: Origin, *, former: bool) -> bool:
+    """Return whether a file is a task that some back ends may refuse."""
+    none: Mapping[str, Collection[str]] = {kind: () for kind in BACK_END_KINDS}
+    try:
+        load_problem(origin.file, none, origin.changes, former=former)
+    except (TaskError, OptionError):
+        return False
+    return True
+
+
 def load_origin(
     path: str, stored: StoredResult, origin: Origin, *, named: bool
 ) -> tuple[Problem, str | None]:
@@ -118,9 +128,14 @@ def load_origin(
         If the task file is wrong.
     """
     queried, former = list_back_ends(origin), stored.dwells_from is None
-    with nullcontext() if named else unquoted(path, origin.file):
-        problem = load_problem(origin.file, queried, origin.changes, former=former)
     is_quotable = named or is_near(origin.file, find_result_path(path).parent)
+    try:
+        problem = load_problem(origin.file, queried, origin.changes, former=former)
+    except (TaskError, OptionError):
+        if named or (is_quotable and _is_task(origin, former=former)):
+            raise  # a fault that a back end finds in a task
+        with unquoted(path, origin.file):
+            raise
     difference = describe_other_task(stored, problem, quoted=is_quotable)
     if difference is not None and former:
         was_solved = _load_with_former_defaults(stored, origin, problem)

@@ -174,8 +174,10 @@ def _make_block(low: Sequence[float], high: Sequence[float], side: int) -> Block
 
 
 def _shrink(corners: Vector) -> Hull:
-    """Return the hull of some corners, smaller by the margin along every axis."""
+    """Return the hull of some corners, smaller by the margin along every axis, but not flat."""
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     away = corners - middle
-    inner = middle + np.sign(away) * np.maximum(np.abs(away) - MARGIN_M, 0.0)
+    # Engines refuse flat hulls, such as that of a finger tip twice as thick as the margin.
+    least_m = np.minimum(np.abs(away), _THINNEST_M)
+    inner = middle + np.sign(away) * np.maximum(np.abs(away) - MARGIN_M, least_m)
     return Hull(tuple((float(x), float(y), float(z)) for x, y, z in inner))
