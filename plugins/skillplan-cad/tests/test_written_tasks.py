@@ -16,11 +16,10 @@ from skillplan_cad import Planner, Product, build_task, find_best_bearing
 from thinned import slow_case
 
 DOWN = [0.0, 0.0, -1.0]
-# How many parts and screws of how many are in the task: others go round a corner, or float, or no
-# finger reaches them, as washers in the corner of a bracket.
+# How many parts and screws of how many are in the task: others go round a corner, or float.
 WRITTEN = {
     "bayonet": (1, 2),
-    "bracket": (2, 6),
+    "bracket": (6, 6),
     "dovetail": (2, 2),
     "eight": (8, 8),
     "fastened": (7, 8),

@@ -96,7 +96,7 @@ def is_near(file: str, document_folder: Path) -> bool:
 
 def _is_task(origin: Origin, *, former: bool) -> bool:
     """Return whether a file is a task that some back ends may refuse."""
-    none: Mapping[str, Collection[str]] = {kind: () for kind in BACK_END_KINDS}
+    none: Mapping[str, Collection[str]] = dict.fromkeys(BACK_END_KINDS, ())
     try:
         load_problem(origin.file, none, origin.changes, former=former)
     except (TaskError, OptionError):

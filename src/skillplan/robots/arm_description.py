@@ -485,6 +485,20 @@ JawProfile = tuple[tuple[float, float, float, float], ...]
 """See :attr:`Hand.jaw_m`."""
 
 
+def _is_convex(rows: Sequence[tuple[float, float, float, float]]) -> bool:
+    """Return whether no row of a jaw lies inside the hull of its neighbours."""
+    for below, row, above in zip(rows, rows[1:], rows[2:], strict=False):
+        span_m = above[0] - below[0]
+        share = (row[0] - below[0]) / span_m if span_m > 0 else 0.0
+        half_m, begin_m, end_m = (
+            low_m + share * (high_m - low_m)
+            for low_m, high_m in zip(below[1:], above[1:], strict=True)
+        )
+        if max(half_m - row[1], row[2] - begin_m, end_m - row[3]) > _ROUNDING_M:
+            return False
+    return True
+
+
 @dataclass(frozen=True, slots=True)
 class Hand:
     """A hand with two jaws that close along the y axis of its frame; z points out of it.
@@ -583,13 +597,19 @@ class Hand:
         """Convex pieces of a jaw: behind its face, across the closing axis, above its end [m]."""
         if self.jaw_pieces_m:
             return self.jaw_pieces_m
-        corners = self.jaw_corners_m or tuple(
-            (behind_m, side * half_m, height_m)
-            for height_m, half_m, begin_m, end_m in self.jaw_m
-            for behind_m in (begin_m, end_m)
-            for side in (-1, 1)
+        if self.jaw_corners_m:
+            return (self.jaw_corners_m,)
+        # A slim jaw below a thick one is no single piece: its hull would be a wedge.
+        rows = [self.jaw_m] if _is_convex(self.jaw_m) else list(pairwise(self.jaw_m))
+        return tuple(
+            tuple(
+                (behind_m, side * half_m, height_m)
+                for height_m, half_m, begin_m, end_m in piece
+                for behind_m in (begin_m, end_m)
+                for side in (-1, 1)
+            )
+            for piece in rows
         )
-        return (corners,)
 
     @property
     def body(self) -> tuple[tuple[Triple, ...], ...]:

@@ -20,6 +20,7 @@ from skillplan_cad.product import Points, Triangles, make_solid
 
 Pieces = tuple[tuple[Points, Triangles], ...]
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 Normal = tuple[float, float, float]
 
 MOST_PIECES = 160
@@ -36,6 +37,8 @@ _LEAST_MM3 = 1e-6
 _SHEET_MM = 2e-4
 # Thickness below which a gap is a rounding residue.
 _FILM_MM = 1e-3
+# Share of a gap's volume in front of the faces that border it.
+_BORDERED = 0.9
 # Share of the excess volume above which gaps are halved instead.
 _WORTH = 0.6
 _LEAST_SHARE = 1e-3
@@ -94,7 +97,7 @@ def decompose_convex(
             if body.volume() < _LEAST_MM3:
                 continue
             hull = body.hull()
-            excess, gap = _find_worst_gap(hull - body, allowed_m, hollows)
+            excess, gap = _find_worst_gap(hull, body, allowed_m, hollows)
             if excess <= 1:
                 done.append(hull)
             else:
@@ -122,11 +125,11 @@ def measure_excess_m(
         return 0.0
     whole, widest_mm = make_solid(vertices_m, triangles), 0.0
     for points, _ in pieces:
-        excess = manifold3d.Manifold.hull_points(points * _TO_MM) - whole
-        for gap in excess.decompose():
-            points, _, normals, areas = _list_faces(gap)
+        hull = manifold3d.Manifold.hull_points(points * _TO_MM)
+        for gap in (hull - whole).decompose():
+            points = _list_faces(gap)[0]
             if _find_wall(points, fitted) is not None:
-                widest_mm = max(widest_mm, _measure_width(gap, points, normals, areas))
+                widest_mm = max(widest_mm, _measure_width(gap, hull))
     return widest_mm / _TO_MM
 
 
@@ -154,17 +157,20 @@ def _list_faces(solid: manifold3d.Manifold) -> tuple[Points, Points, Floats, Flo
 
 
 def _find_worst_gap(
-    added: manifold3d.Manifold, allowed_m: float, hollows: Sequence[Hollow]
+    hull: manifold3d.Manifold,
+    body: manifold3d.Manifold,
+    allowed_m: float,
+    hollows: Sequence[Hollow],
 ) -> tuple[float, manifold3d.Manifold]:
     """Return the largest width of a gap between body and hull as a share of what is allowed."""
-    worst, where = 0.0, added
+    worst, where = 0.0, body
     fitted = [hollow for hollow in hollows if hollow.allowed_m is not None]
-    for gap in added.decompose():
-        points, _, normals, areas = _list_faces(gap)
-        width_m = _measure_width(gap, points, normals, areas) / _TO_MM
+    for gap in (hull - body).decompose():
+        width_m = _measure_width(gap, hull) / _TO_MM
         if width_m <= 0:
             continue
-        wall = _find_wall(points, fitted) if fitted and width_m <= allowed_m else None
+        tested = fitted and width_m <= allowed_m
+        wall = _find_wall(_list_faces(gap)[0], fitted) if tested else None
         if wall is not None and wall.hollow.allowed_m is not None:
             excess = width_m / min(wall.hollow.allowed_m, allowed_m)
         else:
@@ -174,18 +180,39 @@ def _find_worst_gap(
     return worst, where
 
 
-def _measure_width(
-    gap: manifold3d.Manifold, points: Points, normals: Floats, areas: Floats
-) -> float:
-    """Return the width of a gap across its faces [mm]; 0 for a film."""
-    if 2 * gap.volume() < _FILM_MM * float(areas.sum()):
+def _measure_width(gap: manifold3d.Manifold, hull: manifold3d.Manifold) -> float:
+    """Return the width of a gap in a hull across the faces of its body [mm]; 0 for a film.
+
+    A slice of a hollow is as thin as the slice, but far from any wall: a width counts only across
+    faces of the body that border the whole gap.
+    """
+    points, _, normals, areas = _list_faces(gap)
+    volume = gap.volume()
+    if 2 * volume < _FILM_MM * float(areas.sum()):
         return 0.0
-    large = normals[areas > 1e-3 * areas.max()]
+    bordering = areas * _mask_body_faces(gap, hull)
+    large = bordering > 1e-3 * areas.max()
+    if not large.any():
+        return float(np.ptp(points, axis=0).max())
     # One number per row, in the same order: much faster to compare than rows.
-    numbers = np.round(large * 1000).astype(np.int64) @ _PLACES
+    numbers = np.round(normals[large] * 1000).astype(np.int64) @ _PLACES
     _, first = np.unique(numbers, return_index=True)
-    heights = points @ large[first].T
-    return float(np.ptp(heights, axis=0).min())
+    across = normals[large][first]
+    widths = np.ptp(points @ across.T, axis=0)
+    projected = (normals @ across.T) * bordering[:, None]
+    borders = np.maximum(
+        np.maximum(projected, 0).sum(axis=0), np.maximum(-projected, 0).sum(axis=0)
+    )
+    is_whole = borders * widths >= _BORDERED * volume
+    return float(widths[is_whole].min() if is_whole.any() else widths.max())
+
+
+def _mask_body_faces(gap: manifold3d.Manifold, hull: manifold3d.Manifold) -> Bools:
+    """Return a mask of the triangles of a gap that come from the body, not from its hull."""
+    mesh64, hull_ids = gap.to_mesh64(), set(hull.to_mesh64().run_original_id)
+    counts = np.diff(mesh64.run_index) // 3
+    of_body = [number not in hull_ids for number in mesh64.run_original_id]
+    return np.repeat(np.array(of_body, dtype=bool), counts)
 
 
 def _cut(

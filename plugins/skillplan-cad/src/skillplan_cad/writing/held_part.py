@@ -23,16 +23,24 @@ from skillplan_cad.writing.upright import place_upright
 
 GRIPPER, TIPS = "gripper", "finger_tips"
 CUP, SMALL_CUP, LARGE_CUP = "suction_cup", "small_suction_cup", "large_suction_cup"
-CUPS_M: Mapping[str, float] = {CUP: 0.016, SMALL_CUP: 0.006, LARGE_CUP: 0.032}
+WIDE_CUP, HEAVY_CUP = "wide_suction_cup", "heavy_suction_cup"
+CUPS_M: Mapping[str, float] = {
+    CUP: 0.016,
+    SMALL_CUP: 0.006,
+    LARGE_CUP: 0.032,
+    WIDE_CUP: 0.05,
+    HEAVY_CUP: 0.07,
+}
 """Diameters of the suction cups [m]."""
 
 TIPS_PROFILE_M = (
     (0.0, 0.003, 0.0, 0.004),
-    (0.02, 0.003, 0.0, 0.004),
-    (0.03, 0.0089, 0.0, 0.0144),
+    (0.04, 0.003, 0.0, 0.004),
+    (0.047, 0.0089, 0.0, 0.0144),
     (0.0538, 0.0106, 0.0, 0.0265),
 )
-"""Finger tips for small parts, 6 mm wide; rows as in `jaw_profile_m`."""
+"""Finger tips for small parts, 6 mm wide and 40 mm long, which reach down beside walls; rows as in
+`jaw_profile_m`. In steel they bend by 0.02 mm at 6 N."""
 
 # Area of each jaw and distance from the centre of mass of a grasp that comes before a cup [m2, m].
 _GOOD_M2, _NEAR_M = 6e-6, 0.012
@@ -76,7 +84,7 @@ def list_holds(
     is_good = any(grasp.area_m2 >= _GOOD_M2 and grasp.cost <= _NEAR_M for grasp in above)
     if is_good:
         yield _hold(GRIPPER, above)
-    for cup in (CUP, LARGE_CUP):
+    for cup in (CUP, LARGE_CUP, WIDE_CUP, HEAVY_CUP):
         yield from _hold_by_cup(finder, cup)
     if above and not is_good:
         yield _hold(GRIPPER, above)

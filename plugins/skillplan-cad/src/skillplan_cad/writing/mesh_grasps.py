@@ -39,7 +39,7 @@ _MOST_SPANS = 4
 # Number of positions of the hand across the closing direction.
 _COLUMNS = 13
 # Least area of each jaw on the part [m2], and share of a hand's friction that may be used.
-_LEAST_M2, _LOAD_SHARE = 1e-6, 0.5
+_LEAST_M2, _LOAD_SHARE = 4e-7, 0.5
 # Height of a hand's axis above the table at which a hand from the side clears it [m].
 _SIDE_MARGIN_M = 4e-3
 _DEPTH_CLASSES_M = (0.005, 0.0125)
@@ -52,7 +52,7 @@ _ALMOST = 1e-6
 _EVEN_M, _RIM_M = 1e-4, 5e-4
 _MOST_PIXELS, _BELOW_M = 400, -1e3
 # Pressure below a cup, and factor of safety on its force.
-_VACUUM_PA, _CUP_SAFETY = 6e4, 2.0
+_VACUUM_PA, _CUP_SAFETY = 6e4, 1.5
 
 
 @dataclass(frozen=True, slots=True)

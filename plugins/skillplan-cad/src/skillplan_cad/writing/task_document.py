@@ -30,10 +30,12 @@ from skillplan_cad.writing.held_part import (
     CUP,
     CUPS_M,
     GRIPPER,
+    HEAVY_CUP,
     LARGE_CUP,
     SMALL_CUP,
     TIPS,
     TIPS_PROFILE_M,
+    WIDE_CUP,
     PartHolds,
 )
 from skillplan_cad.writing.pieces_proof import ProvedPieces, prove_pieces
@@ -82,7 +84,10 @@ _NEAREST, _FARTHEST, _NEAREST_M = 0.25, 0.8422, 0.30
 _SPREAD_RAD = math.radians(110)
 # Holders of the usual tools, and of those for small and heavy parts.
 HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
-FURTHER_HOLDERS: tuple[Place, ...] = ((0.12, 0.50), (0.04, 0.50), (-0.04, 0.50))
+FURTHER_HOLDERS: tuple[Place, ...] = (
+    *((0.12, 0.50), (0.04, 0.50), (-0.04, 0.50)),
+    *((-0.13, 0.50), (-0.24, 0.50)),
+)
 # Place of the tip at the start, as a share of the arm's reach; and the least of it [m].
 _HOME, _HOME_M = 0.3, 0.35
 
@@ -251,7 +256,7 @@ def build_robot_entry(
 
 _HOLDER_OF: Mapping[str, Place] = dict(
     zip(
-        (GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP),
+        (GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP, WIDE_CUP, HEAVY_CUP),
         (*HOLDERS, *FURTHER_HOLDERS),
         strict=True,
     )
@@ -900,7 +905,7 @@ class _Writer:
         return entry
 
     def _list_directions(self, part: Part) -> list[list[float]]:
-        """Return up to three directions for bringing a part, that of the plan first."""
+        """Return up to three directions for bringing a part, down or that of the plan first."""
         order = self.bearing.order
         before = order[: order.index(part.name)] if part.name in order else ()
         there = encode_set([self.relation.index(name) for name in before])
@@ -922,6 +927,10 @@ class _Writer:
         planned = self.upright.vector(step.along) if step is not None and not step.path else DOWN
         known = [way for way in possible if np.allclose(way, planned, atol=1e-6)]
         first = known[0] if known else min(possible, key=_get_height, default=DOWN)
+        straight = [way for way in possible if np.allclose(way, DOWN, atol=1e-6)]
+        if straight:
+            # Friction draws a part out of the jaws on a level move along its support.
+            first, ways = straight[0], [way for way in ways if way[2] < -_LEVEL]
         if step is None:
             return [list(first)]
         others = [way for way in ways if not np.allclose(way, first, atol=1e-6)]
