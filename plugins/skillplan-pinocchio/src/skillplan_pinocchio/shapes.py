@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -277,9 +277,15 @@ def collect_obstacles(scene: Scene) -> tuple[Obstacle, ...]:
 
 def make_zone_obstacle(zone: Zone) -> Obstacle:
     """Return a keep-out zone as a permanent obstacle."""
-    ends_m = (zone.low_m, zone.high_m)
-    prisms = (
-        np.array([(x, y, z) for z in ends_m for x, y in corners], dtype=float)
-        for corners in zone.pieces
+    pieces = make_zone_pieces(zone.pieces, zone.low_m, zone.high_m)
+    return Obstacle(zone.label, None, pieces, zone)
+
+
+def make_zone_pieces(
+    outlines: Iterable[Sequence[tuple[float, float]]], low_m: float, high_m: float
+) -> tuple[ConvexPiece, ...]:
+    """Return prisms over convex polygons between two heights [m]."""
+    return tuple(
+        ConvexPiece(np.array([(x, y, z) for z in (low_m, high_m) for x, y in outline], dtype=float))
+        for outline in outlines
     )
-    return Obstacle(zone.label, None, tuple(ConvexPiece(prism) for prism in prisms), zone)

@@ -19,12 +19,13 @@ from pydantic import Field
 
 from skillplan.collision.detector import Detector
 from skillplan.collision.hulls import Hull, HullRole, HullScene
+from skillplan.collision.solid import intersect
 from skillplan.physics.linear_motions import LinearMotion, describe_too_wide, find_jaw_faults
 from skillplan.physics.performance import PlannedMotion
 from skillplan.task import back_end
 from skillplan.task.back_end import RemovedDwell
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import Robot
+from skillplan.task.scene import Robot, Zone
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -38,7 +39,7 @@ from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion
 from skillplan_pinocchio.planning.travel import Unfound
 from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS
-from skillplan_pinocchio.shapes import TABLE, ConvexPiece
+from skillplan_pinocchio.shapes import TABLE, ConvexPiece, make_zone_pieces
 from skillplan_pinocchio.swept_motion import (
     Collision,
     SweptMotion,
@@ -53,6 +54,8 @@ from skillplan_pinocchio.timing.trajectory import JointLimits
 
 # Number of postures in which a travel is drawn.
 _PICTURES = 13
+# Distance from what moves up to which a zone is drawn [m].
+_NEAR_M = 0.15
 
 
 def build_hull_scene(paths: ArmPaths, skill: Skill, state: State, verdict: Verdict) -> HullScene:
@@ -86,11 +89,23 @@ def build_hull_scene(paths: ArmPaths, skill: Skill, state: State, verdict: Verdi
         there = obstacle.fact is None or obstacle.fact in state
         if there and obstacle.body != TABLE and obstacle.body not in moved:
             role = HullRole.MET if obstacle.body in met else HullRole.STANDING
-            hulls += [_make_hull(obstacle.body, role, piece) for piece in obstacle.pieces]
+            zone = obstacle.zone
+            pieces = obstacle.pieces if zone is None else _cut_zone(zone, hulls)
+            hulls += [_make_hull(obstacle.body, role, piece) for piece in pieces]
     reason = "" if verdict.is_feasible else verdict.reason
     return HullScene(
         hulls, list(_iterate_touches(verdict)), reason, frozenset(_iterate_subjects(verdict))
     )
+
+
+def _cut_zone(zone: Zone, hulls: Sequence[Hull]) -> tuple[ConvexPiece, ...]:
+    """Return a zone near some hulls, because most are far larger than what moves."""
+    points = np.array([corner for hull in hulls for corner in hull.vertices])
+    low, high = points.min(axis=0) - _NEAR_M, points.max(axis=0) + _NEAR_M
+    frame = ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))
+    low_m, high_m = max(zone.low_m, float(low[2])), min(zone.high_m, float(high[2]))
+    outlines = [intersect(piece, frame) for piece in zone.pieces] if low_m < high_m else []
+    return make_zone_pieces([outline for outline in outlines if outline], low_m, high_m)
 
 
 def _iterate_subjects(verdict: Verdict) -> Iterator[str]:

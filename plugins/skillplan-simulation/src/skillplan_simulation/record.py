@@ -45,8 +45,8 @@ class Record:
     sensed
         Final sensor values as JSON values: ``tool_attached``, ``coupling_error_m``,
         ``fastening_force_n``, ``insertion_force_n``, ``jaw_width_m``, ``tip_error_m``, as far as
-        the skill involves them, ``stuck_on`` if the arm was stopped, and ``in_zone`` if something
-        entered a keep-out zone.
+        the skill involves them; ``stuck_on`` if the arm was stopped; ``in_zone``, a clause, and
+        ``in_zone_frame`` if something entered a keep-out zone.
     unreachable
         Reason why the arm cannot follow the motion, or None.
     upset

@@ -294,6 +294,13 @@ class JointLimits:
             tuple(fraction * value for value in self.acceleration_rad_per_s2),
         )
 
+    def stretched(self, factor: float) -> JointLimits:
+        """Return the limits whose runs take `factor` times as long, > 0."""
+        return JointLimits(
+            tuple(value / factor for value in self.speed_rad_per_s),
+            tuple(value / factor**2 for value in self.acceleration_rad_per_s2),
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:

@@ -244,6 +244,7 @@ class ControlledRobot:
                 entry = self._zone_watch.look(self)
                 if entry is not None:
                     self.sensed["in_zone"] = f"{entry} on {self.log.phase_now or 'its way'}"
+                    self.sensed["in_zone_frame"] = self.log.frames
             lag_m = self.arm.tip_error_m()
             if lag_m > _STUCK_M:
                 if self._is_touching():

@@ -160,10 +160,10 @@ class _Taken(Exception):
 
 
 def find_failure(record: Record, judges: Sequence[Judge]) -> Moment:
-    """Return the frame of the first collision or displacement, or the end."""
+    """Return the frame of the first collision, displacement or entry of a zone, or the end."""
     collision = find_collision(record, judges)
     if collision is None:
-        return Moment(None, ())
+        return Moment(record.sensed.get("in_zone_frame"), ())
     evidence = collision.evidence
     return Moment(round(evidence["at_s"] * FRAMES_PER_S), tuple(evidence["bodies"]))
 

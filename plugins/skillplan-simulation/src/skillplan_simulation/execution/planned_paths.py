@@ -163,9 +163,15 @@ class PlannedPaths:
         )
         key = path.nodes.tobytes(), is_gripped
         if key not in self._runs:
-            run: JointRun = find_fastest_trajectory(path, self.limits, self.slow_zones)
+            run: JointRun = find_fastest_trajectory(path, self.limits)
+            limits = self.limits
             if is_gripped:
                 share = _TURNED_SHARE if turns else 1.0
                 run = SlowedRun.within(run, self.kinematics, share * self.gripped_m_per_s2)
+                if isinstance(run, SlowedRun):
+                    limits = limits.stretched(run.factor)
+            if self.slow_zones is not None:
+                # Slow outside of zones as before, and inside no slower than they require.
+                run = find_fastest_trajectory(path, limits, self.slow_zones)
             self._runs[key] = run
         return self._runs[key]

@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.collision.solid import area, intersect
 from skillplan.physics.performance import HEIGHT, WIDTH, Image, View
 from skillplan.robots.arm_description import Capsule, Hand, Hull, LinkShape
 from skillplan.task.motion import Point
 from skillplan.task.pose import Pose
-from skillplan.task.scene import Robot, Scene
+from skillplan.task.scene import Robot, Scene, Zone
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.shapes import ConvexPiece
 from skillplan_simulation.pictures.annotations import Notes, Projection, annotate
@@ -283,6 +285,9 @@ ARM_COLOUR: Colour = (0.93, 0.93, 0.94, 1.0)
 HAND_COLOUR: Colour = (0.36, 0.37, 0.40, 1.0)
 # Marks on the table for feeders and docks.
 FEEDER_COLOUR: Colour = (0.60, 0.66, 0.74, 1.0)
+# Floors of zones that keep something out, and of slow ones.
+CLOSED_COLOUR: Colour = (0.93, 0.70, 0.66, 1.0)
+SLOW_COLOUR: Colour = (0.96, 0.87, 0.62, 1.0)
 FIXTURE_COLOUR: Colour = (0.55, 0.57, 0.60, 1.0)
 DOCK_COLOUR: Colour = (0.42, 0.46, 0.52, 1.0)
 # Colliding bodies are red and orange, everything else is pale.
@@ -378,6 +383,8 @@ def _find_contact(world: World, culprits: Sequence[str]) -> Point | None:
 
 # Half the side of the table [m].
 _TABLE_M = 1.5
+# Height of the floor of a zone above the table [m].
+_ZONE_M = 5e-4
 # Direction of the light: left of the camera, behind it, and above.
 _ASIDE, _BEHIND, _ABOVE = -0.45, 0.30, 1.0
 
@@ -408,6 +415,10 @@ class PaintedCamera:
         self._sun = lamp / np.linalg.norm(lamp)
         self._lamp = self._axes @ self._sun
         self._grounds: dict[bool, tuple[Any, Any, Any]] = {}
+        self._zones = [
+            (_make_zone_surface(zone), CLOSED_COLOUR if zone.keeps_out else SLOW_COLOUR)
+            for zone in scene.zones
+        ]
 
     def shot(
         self, world: World, arm: Arm, caption: str = "", culprits: Sequence[str] = ()
@@ -466,9 +477,35 @@ class PaintedCamera:
             discs = np.array(marks) if marks else discs
             table = _convert_to_bytes(self._style.colour(TABLE, culprits))
             draw_ground(self._eye, self._axes, self._focal, _TABLE_M, table, discs, buffers)
+            for surface, colour in self._zones:
+                # A part of the ground, on which shadows fall.
+                draw_solid(
+                    surface.corners,
+                    surface.normals,
+                    self._frame,
+                    _convert_to_bytes(colour),
+                    self._lamp,
+                    0,
+                    self._focal,
+                    buffers,
+                )
             self._grounds[pale] = buffers
         image, near, shown = self._grounds[pale]
         return image.copy(), near.copy(), shown.copy()
+
+
+def _make_zone_surface(zone: Zone) -> Surface:
+    """Return the part of a zone's polygon that is on the table, closed zones above slow ones."""
+    height_m = 2 * _ZONE_M if zone.keeps_out else _ZONE_M
+    rim = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    table = tuple((_TABLE_M * x, _TABLE_M * y) for x, y in rim)
+    triangles = [
+        [(x, y, height_m) for x, y in (outline[0], a, b)]
+        for piece in zone.pieces
+        for outline in [intersect(piece if area(piece) > 0 else piece[::-1], table)]
+        for a, b in pairwise(outline[1:])
+    ]
+    return _make_surface([np.array(triangles, dtype=float).reshape(-1, 3, 3)])
 
 
 def _convert_to_bytes(colour: Colour) -> NDArray[np.float64]:
