@@ -29,7 +29,7 @@ from skillplan_cad.planning.assembly_plan import Planner
 from skillplan_cad.planning.replay import replay
 from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.reading.product_reader import ReadOptions, read_product
-from skillplan_cad.writing.task_document import build_task
+from skillplan_cad.writing.build_task import build_task
 
 COPIES = (2, 5, 16)
 TOLERANCE_M = 1e-4

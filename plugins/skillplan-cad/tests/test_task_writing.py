@@ -238,6 +238,19 @@ def test_a_cup_lifts_no_more_than_its_area_does():
     assert heavy.find_cup_place(0.032) == pytest.approx((0.0, 0.0))
 
 
+@pytest.mark.slow
+def test_of_two_walls_that_leave_no_room_for_fingers_one_is_in_no_order():
+    """Each can be placed alone; beside the other a finger does not fit."""
+    walls = [(name, box(10, y, 20, 110, y + 4, 80)) for name, y in (("left", 20), ("right", 29))]
+    task = assembled(("block", box(0, 0, 0, 120, 60, 20)), *walls)
+    ((name, reason),) = task.left_out.items()
+    assert (reason.kind, *reason.by) in {("no order", "left"), ("no order", "right")}
+    assert "a finger runs into" in reason.text
+    placed = [skill for skill in task.skills if skill.startswith("place")]
+    assert placed == [f"place({other})" for other in ("block", "left", "right") if other != name]
+    assert not task.doubt
+
+
 def assembled(*solids):
     """Return the task of parts of steel."""
     parts = Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)

@@ -1,4 +1,5 @@
 from .conflict import explain_conflict as explain_conflict
+from .hypothetical_state import HypotheticalStates as HypotheticalStates
 from .partial_order import ClosedRelation as ClosedRelation
 from .partial_order import break_cycles as break_cycles
 from .partial_order import closure as closure
@@ -15,6 +16,7 @@ __all__ = [
     "Alternatives",
     "ClosedRelation",
     "DerivedChart",
+    "HypotheticalStates",
     "Relation",
     "break_cycles",
     "closure",

@@ -51,6 +51,11 @@ class HypotheticalStates:
         # Facts that the skill forbids, such as a part on it, are removed.
         return state - skill.precondition.forbids
 
+    def bring(self, state: State, component: str) -> tuple[State, list[Skill]]:
+        """Return the state after a component is brought to its goal, and the skills for it."""
+        skills: list[Skill] = []
+        return self._bring(state, self.task.operations[component], skills), skills
+
     def settled(self, skill: Skill, before: Iterable[str], after: Iterable[str]) -> set[str]:
         """Return the facts that hold before a skill in every order that respects it."""
         certain = {*skill.precondition.requires, *skill.precondition.forbids}

@@ -60,10 +60,10 @@ from .relation import Sensitive as Sensitive
 from .relation_file import format_relation as format_relation
 from .relation_file import read_relation as read_relation
 from .writing.arm_choice import choose_arm as choose_arm
+from .writing.build_task import build_task as build_task
 from .writing.mesh_grasps import GraspFinder as GraspFinder
 from .writing.task_document import Item as Item
 from .writing.task_document import assign_task_names as assign_task_names
-from .writing.task_document import build_task as build_task
 from .writing.task_document import lay_out_table as lay_out_table
 from .writing.upright import place_upright as place_upright
 

@@ -118,6 +118,7 @@ Reason = Literal[
     "unreachable",
     "no place",
     "refused",
+    "no order",
 ]
 
 

@@ -20,8 +20,6 @@ _DIRECTIONS = ("axes", "cylinders", "contacts")
 _THREADS = ("unscrew", "solid", "ignore")
 # Entry point of the importer.
 _NAME = "cad"
-# Share of the time limit after which planning stops; the rest is for the task and the pictures.
-_PLANNING_SHARE = 0.6
 
 
 def command(
@@ -272,7 +270,8 @@ def command(
     gives the reasons. The exit code is 1 if no part is left for a task.
 
     Each stage is cached, so an interrupted import continues where it stopped. From the planning
-    on, Ctrl-C and --time-limit keep the result so far: parts that were not examined are left out.
+    on, Ctrl-C and --time-limit keep the result so far: parts that were not examined or not tried
+    are left out.
     Needs the plugin skillplan-cad.
     """
     from skillplan.cli.interruption import handle_signals
@@ -287,9 +286,9 @@ def command(
     interrupted = threading.Event()
 
     @contextmanager
-    def stopping() -> Iterator[Callable[[], bool]]:
+    def stopping() -> Iterator[Callable[[float], bool]]:
         with handle_signals(interrupted.set):
-            yield lambda: interrupted.is_set() or deadline.is_over(_PLANNING_SHARE)
+            yield lambda share: interrupted.is_set() or deadline.is_over(share)
 
     imported = _importer()(
         product,

@@ -19,6 +19,7 @@ from .mesh_files import parse_mesh as parse_mesh
 from .mesh_files import parse_objects as parse_objects
 from .mesh_files import read_mesh as read_mesh
 from .overview import find_hints as find_hints
+from .part_schema import MeshConfig as MeshConfig
 from .resting import TABLE as TABLE
 from .resting import find_bearers as find_bearers
 from .resting import find_goal_rests as find_goal_rests
@@ -36,6 +37,7 @@ __all__ = [
     "AssemblyConfig",
     "AssemblyDomain",
     "BoardGenerator",
+    "MeshConfig",
     "MeshFileError",
     "RandomOrder",
     "draw_layouts",

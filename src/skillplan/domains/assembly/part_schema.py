@@ -122,7 +122,9 @@ class MeshConfig(Strict):
     def _read_file(
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
-        """Read the file."""
+        """Read the file, unless it was read before."""
+        if isinstance(data, cls):
+            return data
         mesh = handler(data)
         # Imports trimesh and numpy.
         from skillplan.domains.assembly.mesh_files import MeshFileError, read_mesh, read_pieces

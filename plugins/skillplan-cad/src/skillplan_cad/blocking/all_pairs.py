@@ -81,6 +81,8 @@ class BlockingTest:
         sides = self._view_parts(build_frame(direction))
         pairs = []
         for first, second in self._iterate_overlapping(sides):
+            if not (tested[first, second] or tested[second, first]):
+                continue
             lattice = PairLattice(sides[first], sides[second], self._chord_mm)
             for sign, pair in ((1, (first, second)), (-1, (second, first))):
                 if not tested[pair]:

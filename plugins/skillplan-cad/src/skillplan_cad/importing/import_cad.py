@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ from skillplan_cad.relation_file import build_relation_document, format_relation
 
 # Largest number of fits printed one by one.
 _NAMED = 4
+# Shares of the time limit after which planning and writing stop; the rest is for the pictures.
+_PLANNING_SHARE, _WRITING_SHARE = 0.6, 0.85
 
 
 def build_report(
@@ -151,8 +154,8 @@ class Imported:
 
 
 @contextmanager
-def _never_stop() -> Iterator[Callable[[], bool]]:
-    yield lambda: False
+def _never_stop() -> Iterator[Callable[[float], bool]]:
+    yield lambda share: False
 
 
 def import_cad(
@@ -161,7 +164,7 @@ def import_cad(
     given: dict[str, Any],
     tell: Tell,
     draw: Draw | None = None,
-    stopping: Callable[[], AbstractContextManager[Callable[[], bool]]] = _never_stop,
+    stopping: Callable[[], AbstractContextManager[Callable[[float], bool]]] = _never_stop,
 ) -> Imported:
     """Import a product.
 
@@ -174,7 +177,8 @@ def import_cad(
     draw
         Draws the pictures and the page; None for none.
     stopping
-        Returns a context for planning, with a function that returns True once planning must stop.
+        Returns a context for planning and writing, with a function that returns True once a share
+        of the time limit is over, or after Ctrl-C.
 
     Raises
     ------
@@ -188,7 +192,10 @@ def import_cad(
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_describe_missing_base(settings.base, relation))
     with stopping() as must_stop:
-        plan = plan_product(path, findings, settings, Watch(tell, must_stop))
+        planning, writing = (
+            Watch(tell, partial(must_stop, share)) for share in (_PLANNING_SHARE, _WRITING_SHARE)
+        )
+        plan = plan_product(path, findings, settings, planning, writing)
     relation = plan.relation
     waived = list_waived_pairs(findings.joints, findings.blocked, settings.threads)
     gaps = measure_gaps(product, relation)

@@ -29,9 +29,10 @@ from skillplan_cad.reading.product_reader import fits_pattern, read_finer
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
 from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm
+from skillplan_cad.writing.build_task import build_task
 from skillplan_cad.writing.fit_play import PLAY_M
 from skillplan_cad.writing.pieces_proof import ProvedPieces
-from skillplan_cad.writing.task_document import WrittenTask, build_task
+from skillplan_cad.writing.task_document import WrittenTask
 from skillplan_cad.writing.upright import Upright
 
 
@@ -288,7 +289,11 @@ class Planned:
 
 
 def plan_product(
-    path: Path, findings: Findings, settings: ImportSettings, watch: Watch | None = None
+    path: Path,
+    findings: Findings,
+    settings: ImportSettings,
+    watch: Watch | None = None,
+    writing: Watch | None = None,
 ) -> Planned:
     """Plan a product and write its task.
 
@@ -298,8 +303,11 @@ def plan_product(
         Source of the product; read again for the replay.
     watch
         Progress reports, and requests to stop: parts that are not examined then are left out.
+    writing
+        The same for writing the task; default: `watch`.
     """
     watch = watch or Watch()
+    writing = writing or watch
     product, relation = findings.relieved, findings.relation
     bearing = choose_attitude(product, relation, settings.up)
     plan, again = _plan_and_replay(path, findings, settings, bearing, watch)
@@ -338,13 +346,14 @@ def plan_product(
             lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
     ups = ATTITUDES.values() if settings.up == AUTO else ()
     others = (find_bearing(product, relation, up, without) for up in ups)
-    task = build_task(loose, relation, plan, arm, bearing, without, remarks, others)
+    task = build_task(loose, relation, plan, arm, bearing, without, remarks, others, writing)
     document["attitude"] = build_attitude_document(task.bearing)
     warnings += list_attitude_warnings(product, relation, task.bearing, settings.up)
     document |= build_left_out_document(task.left_out)
     if task.document:
         files |= task.files
         document |= _build_task_document(task, relation)
+        lines += _describe_order(task)
         warnings += _list_task_warnings(task, document["pieces"])
     else:
         warnings.append("No part is left that one arm could place: no product.yaml is written.")
@@ -440,7 +449,17 @@ def _build_task_document(task: WrittenTask, relation: Relation) -> dict[str, Any
         "placement": build_placement_document(task.upright),
         "pieces": build_pieces_document(task.pieces, relation),
         "limits": {name: list(lines) for name, lines in task.limits.items()},
+        "task_order": {"skills": list(task.skills), "doubt": task.doubt},
     }
+
+
+def _describe_order(task: WrittenTask) -> list[str]:
+    """Return a line on the order of the task, unless no back end could check it."""
+    if task.skills:
+        return [f"swept accepts an order of the whole task, {len(task.skills)} skills"]
+    if task.doubt:
+        return [f"an order of the whole task is not known: {task.doubt}"]
+    return []
 
 
 def _plan_and_replay(

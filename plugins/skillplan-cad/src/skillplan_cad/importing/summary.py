@@ -39,6 +39,7 @@ WHY: Mapping[str, str] = {
     "no grasp": "no tool grasps it",
     "no place": "no place within reach",
     "refused": "refused by check",
+    "no order": "no order of all parts brings it",
     NO_TASK: "no task is written",
 }
 """Kinds of reasons in words."""

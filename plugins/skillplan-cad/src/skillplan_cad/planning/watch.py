@@ -26,6 +26,13 @@ class Watch:
         must_stop: Callable[[], bool] = lambda: False,
     ) -> None:
         self.tell, self.must_stop = tell, must_stop
+        self._last_s = time.monotonic()
+
+    def report(self, text: str) -> None:
+        """Print a line, at most one in two seconds."""
+        if time.monotonic() - self._last_s > _SLOW_S:
+            self._last_s = time.monotonic()
+            self.tell(text)
 
     @contextmanager
     def examine(self, text: str) -> Iterator[None]:

@@ -90,7 +90,7 @@ def decompose_convex(
     waiting: list[tuple[float, int, manifold3d.Manifold, manifold3d.Manifold]] = []
     done: list[manifold3d.Manifold] = []
     numbers = count()
-    most += _MORE_PIECES * sum(hollow.allowed_m is not None for hollow in hollows)
+    most = count_most_pieces(hollows, most)
 
     def add(solid: manifold3d.Manifold) -> None:
         for body in solid.decompose():
@@ -104,7 +104,7 @@ def decompose_convex(
                 heapq.heappush(waiting, (-excess, next(numbers), body, gap))
 
     add(whole)
-    while waiting and len(done) + len(waiting) < min(most, _MOST_OF_ALL):
+    while waiting and len(done) + len(waiting) < most:
         _, _, body, gap = heapq.heappop(waiting)
         halves = _cut(body, gap, hollows)
         if halves is None:
@@ -114,6 +114,12 @@ def decompose_convex(
             add(half)
     done += [body.hull() for _, _, body, _ in waiting]
     return tuple(piece for piece in map(build_mesh, done) if piece is not None)
+
+
+def count_most_pieces(hollows: Sequence[Hollow], most: int = MOST_PIECES) -> int:
+    """Return the number of pieces after which cutting ends: more for hollows that hold shafts."""
+    fitted = sum(hollow.allowed_m is not None for hollow in hollows)
+    return min(most + _MORE_PIECES * fitted, _MOST_OF_ALL)
 
 
 def measure_excess_m(

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from skillplan_cad.blocking.all_pairs import BlockingTest
-from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
+from skillplan_cad.joints.cylinder_fits import find_cylinder_fits
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
+from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Face, Part, Points, Product, Triangles
 from skillplan_cad.relation import Relation
-from skillplan_cad.writing.convex_pieces import Hollow, Pieces, decompose_convex, measure_excess_m
+from skillplan_cad.writing.convex_pieces import (
+    Hollow,
+    Pieces,
+    count_most_pieces,
+    decompose_convex,
+    measure_excess_m,
+)
 from skillplan_cad.writing.fit_play import PLAY_M, FitPlay, Loosened, Played
 from skillplan_cad.writing.upright import Upright
 
@@ -25,7 +31,8 @@ _COARSE_M = 3e-4
 _CLEARANCE_SHARE = 0.2
 _FINE_SHARE = 0.5
 _SAME_M = 1e-6
-_DECIMALS = 7
+# Decimals of lengths in mesh files, and the distance of vertices that they round to the same [m].
+_DECIMALS, _ROUNDED_M = 7, 5e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,114 +88,228 @@ class ProvedPieces:
         )
 
 
-def prove_pieces(
-    product: Product,
-    relation: Relation,
-    plan: AssemblyPlan,
-    meshes: Mapping[str, Sequence[Mesh]],
-    upright: Upright,
-) -> ProvedPieces:
-    """Return convex pieces that block the same directions as the relation, as far as cuts allow.
+class PieceProof:
+    """Computes pieces of the parts of a product in one orientation, each once.
 
-    Pieces enclose their mesh, so blocked directions stay blocked. Free directions are tested with
-    the same rays; parts of wrongly blocked pairs are cut finer, and the remaining differences are
-    listed.
+    The pieces block the same directions as the relation, as far as cuts allow. They enclose their
+    mesh, so blocked directions stay blocked. Free directions are tested with the same rays; parts
+    of wrongly blocked pairs are cut finer, and the remaining differences are listed.
 
     Parameters
     ----------
     product, relation, plan
         True meshes, their blockings, and the order of the parts.
-    meshes
-        Meshes by part name, upright, relative to the centre of the part's bottom.
+    upright
+        Pose of the product.
+    cuts
+        Pieces that other orientations have computed.
+    watch
+        Progress reports, and requests to stop.
     """
-    fits = find_cylinder_fits(product)
-    play = FitPlay(product, relation, plan, upright, fits)
-    cutter = _Cutter(product, fits, play.drawn_m, upright)
-    pieces_of = {
-        name: cutter.pieces(product.parts[product.index(name)], given, _COARSE_M)
-        for name, given in meshes.items()
-    }
-    loosened = _loosen(product, play, pieces_of)
-    wrong = _find_differences(product, relation, _list_pieces(loosened), upright)
-    cut = sorted(
-        {name for difference in wrong for name in (difference.part, difference.by)}
-        & pieces_of.keys()
-    )
-    if cut:
-        fine_m = min(_COARSE_M, _FINE_SHARE * relation.tolerance_m)
-        for name in cut:
-            part = product.parts[product.index(name)]
-            pieces_of[name] = cutter.pieces(part, meshes[name], fine_m)
-        loosened |= _loosen(product, play, {name: pieces_of[name] for name in cut})
-        wrong = _find_differences(product, relation, _list_pieces(loosened), upright)
-    excess_m = {
-        name: cutter.measure_excess_m(product.parts[product.index(name)], pieces_of[name], given)
-        for name, given in meshes.items()
-    }
-    fits_of = {
-        name: tuple(
-            replace(fit, outside_m=max(excess_m[name], excess_m.get(fit.into, 0.0)))
-            for fit in own.fits
-        )
-        for name, own in loosened.items()
-        if own.fits
-    }
-    return ProvedPieces(_list_pieces(loosened), tuple(cut), wrong, fits_of)
-
-
-def _loosen(
-    product: Product, play: FitPlay, pieces_of: Mapping[str, Sequence[Pieces]]
-) -> dict[str, Loosened]:
-    """Return pieces with play beside the parts that are in place before."""
-    return {
-        name: play.loosen(product.parts[product.index(name)], pieces)
-        for name, pieces in pieces_of.items()
-    }
-
-
-def _list_pieces(loosened: Mapping[str, Loosened]) -> dict[str, tuple[Pieces, ...]]:
-    return {name: own.pieces for name, own in loosened.items()}
-
-
-class _Cutter:
-    """Computes pieces, once for each shape and orientation."""
 
     def __init__(
         self,
         product: Product,
-        fits: Iterable[CylinderFit],
+        relation: Relation,
+        plan: AssemblyPlan,
+        upright: Upright,
+        cuts: Cuts,
+        watch: Watch,
+    ) -> None:
+        self._product, self._relation, self._upright = product, relation, upright
+        self._watch = watch
+        self._play = FitPlay(product, relation, plan, upright, cuts.fits)
+        self._cutter = _Cutter(product, self._play.drawn_m, upright, cuts)
+        self._meshes: dict[str, Sequence[Mesh]] = {}
+        self._loosened: dict[str, Loosened] = {}
+        self._excess_m: dict[str, float] = {}
+        self._wrong: tuple[Difference, ...] = ()
+        self._fine: set[str] = set()
+
+    def prove(self, meshes: Mapping[str, Sequence[Mesh]]) -> ProvedPieces:
+        """Return the pieces of some parts, without the parts that a request to stop came before.
+
+        Parameters
+        ----------
+        meshes
+            Meshes by part name, upright, relative to the centre of the part's bottom [m].
+        """
+        new = [name for name in meshes if name not in self._loosened]
+        pieces_of: dict[str, tuple[Pieces, ...]] = {}
+        for number, name in enumerate(new, 1):
+            if self._watch.must_stop():
+                break
+            self._watch.report(f"writing: convex pieces of {name}, {number} of {len(new)} parts")
+            self._meshes[name] = meshes[name]
+            pieces_of[name] = self._cutter.pieces(self._get_part(name), meshes[name], _COARSE_M)
+            self._loosen(name, pieces_of[name])
+        if pieces_of:
+            self._test(pieces_of.keys())
+            coarse = {name for pair in self._wrong for name in (pair.part, pair.by)} - self._fine
+            self._fine |= coarse
+            self._cut_finer(coarse)
+        return self._list_proved().of(meshes)
+
+    def _cut_finer(self, names: Collection[str]) -> None:
+        """Cut the pieces of some parts anew, unless they are as many as they may be."""
+        fine_m = min(_COARSE_M, _FINE_SHARE * self._relation.tolerance_m)
+        changed = []
+        for number, name in enumerate(sorted(names), 1):
+            if self._watch.must_stop():
+                break
+            self._watch.report(f"writing: finer pieces of {name}, {number} of {len(names)} parts")
+            pieces = self._cutter.pieces(self._get_part(name), self._meshes[name], fine_m)
+            self._loosen(name, pieces)
+            changed.append(name)
+        if changed:
+            self._test(changed)
+
+    def _loosen(self, name: str, pieces: tuple[Pieces, ...]) -> None:
+        """Keep the pieces of a part with play beside the parts that are in place before."""
+        part = self._get_part(name)
+        self._loosened[name] = self._play.loosen(part, pieces)
+        self._excess_m[name] = self._cutter.measure_excess_m(part, pieces, self._meshes[name])
+
+    def _test(self, names: Collection[str]) -> None:
+        """Find the differences of the pairs with some parts anew."""
+        known = [pair for pair in self._wrong if not {pair.part, pair.by} & set(names)]
+        pieces_of = {name: own.pieces for name, own in self._loosened.items()}
+        found = _find_differences(self._product, self._relation, pieces_of, names, self._upright)
+        self._wrong = tuple(
+            sorted((*known, *found), key=lambda pair: (pair.direction, pair.part, pair.by))
+        )
+
+    def _list_proved(self) -> ProvedPieces:
+        fits_of = {
+            name: tuple(
+                replace(fit, outside_m=max(self._excess_m[name], self._excess_m.get(fit.into, 0.0)))
+                for fit in own.fits
+            )
+            for name, own in self._loosened.items()
+            if own.fits
+        }
+        pieces_of = {name: own.pieces for name, own in self._loosened.items()}
+        return ProvedPieces(pieces_of, tuple(sorted(self._fine)), self._wrong, fits_of)
+
+    def _get_part(self, name: str) -> Part:
+        return self._product.parts[self._product.index(name)]
+
+
+class Cuts:
+    """Pieces of shapes, which parts and orientations share, and the fits of a product."""
+
+    def __init__(self, product: Product) -> None:
+        self.fits = find_cylinder_fits(product)
+        self._made: dict[tuple[bytes, float], list[_Cut]] = {}
+
+    def cut(
+        self, vertices_m: Points, triangles: Triangles, allowed_m: float, hollows: Sequence[Hollow]
+    ) -> Pieces:
+        """Return the pieces of a mesh, turned from those of the same shape if it was cut before."""
+        key = triangles.tobytes()
+        for cut in self._made.get((key, allowed_m), ()):
+            pieces = cut.turn(vertices_m, hollows)
+            if pieces is not None:
+                return pieces
+        for (other, coarser_m), cuts in self._made.items():
+            # Finer cuts would stop at the same pieces.
+            for cut in cuts if other == key and coarser_m > allowed_m else ():
+                pieces = cut.turn(vertices_m, hollows) if cut.is_full else None
+                if pieces is not None:
+                    return pieces
+        pieces = decompose_convex(vertices_m, triangles, allowed_m, hollows)
+        is_full = len(pieces) >= count_most_pieces(hollows)
+        cut = _Cut(vertices_m, tuple(hollows), pieces, is_full)
+        self._made.setdefault((key, allowed_m), []).append(cut)
+        return pieces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cut:
+    """A mesh that was cut.
+
+    Parameters
+    ----------
+    is_full
+        True if the greatest number of pieces ended the cutting.
+    """
+
+    vertices_m: Points
+    hollows: tuple[Hollow, ...]
+    pieces: Pieces
+    is_full: bool
+
+    def turn(self, vertices_m: Points, hollows: Sequence[Hollow]) -> Pieces | None:
+        """Return the pieces for vertices that are moved as a rigid body, or None."""
+        if vertices_m.shape != self.vertices_m.shape or len(hollows) != len(self.hollows):
+            return None
+        if np.abs(vertices_m - self.vertices_m).max() < _ROUNDED_M:
+            turn, shift_m = np.eye(3), np.zeros(3)
+        else:
+            turn, shift_m = _fit_rigid_motion(self.vertices_m, vertices_m)
+            moved = self.vertices_m @ turn.T + shift_m
+            if np.abs(moved - vertices_m).max() > _ROUNDED_M:
+                return None
+        for hollow in self.hollows:
+            axis, point = turn @ hollow.axis, turn @ hollow.point_m + shift_m
+            if not any(
+                other.allowed_m == hollow.allowed_m
+                and _is_same(other, point, axis, hollow.radius_m)
+                for other in hollows
+            ):
+                return None
+        if not shift_m.any() and np.array_equal(turn, np.eye(3)):
+            return self.pieces
+        return tuple(
+            (np.round(points @ turn.T + shift_m, _DECIMALS) + 0.0, faces)
+            for points, faces in self.pieces
+        )
+
+
+def _fit_rigid_motion(before_m: Points, after_m: Points) -> tuple[Points, Points]:
+    """Return rotation and shift that bring points closest to others (Kabsch 1976)."""
+    centre_before, centre_after = before_m.mean(axis=0), after_m.mean(axis=0)
+    u, _, vt = np.linalg.svd((before_m - centre_before).T @ (after_m - centre_after))
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))])
+    turn = (vt.T * signs) @ u.T
+    if np.abs(turn - np.round(turn)).max() < _ROUNDED_M:
+        # Quarter turns stay exact.
+        turn = np.round(turn)
+    return turn, centre_after - turn @ centre_before
+
+
+class _Cutter:
+    """Cuts the parts of a product in one orientation.
+
+    Parameters
+    ----------
+    drawn_m
+        Clearances by the names of both parts [m].
+    """
+
+    def __init__(
+        self,
+        product: Product,
         drawn_m: Mapping[frozenset[str], float],
         upright: Upright,
+        cuts: Cuts,
     ) -> None:
-        self._upright = upright
-        # Allowed excess on the walls of holes that hold shafts, by number of the part [m].
+        self._upright, self._cuts = upright, cuts
+        # Allowed excess on the walls of holes that hold shafts, by name of the part [m].
         self._fitted: dict[str, list[tuple[Face, float]]] = {}
-        for fit in fits:
+        for fit in cuts.fits:
             inner, outer = product.parts[fit.inner].name, product.parts[fit.outer].name
             clearance_m = min(drawn_m[frozenset((inner, outer))], fit.radius_difference_m)
             allowed_m = _CLEARANCE_SHARE * max(clearance_m, PLAY_M)
             self._fitted.setdefault(outer, []).append((fit.hole, allowed_m))
-        self._made: dict[tuple[Any, ...], Pieces] = {}
 
     def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
         """Return the pieces of each mesh of a part."""
         hollows = self._find_hollows(part)
-        rows = [
-            (*hollow.point_m, *hollow.axis, hollow.radius_m, hollow.allowed_m or 0.0)
-            for hollow in hollows
-        ]
-        pieces = []
-        for vertices_m, triangles in meshes:
-            key = (
-                _round_to_bytes(vertices_m),
-                triangles.tobytes(),
-                _round_to_bytes(rows),
-                allowed_m,
-            )
-            if key not in self._made:
-                self._made[key] = decompose_convex(vertices_m, triangles, allowed_m, hollows)
-            pieces.append(self._made[key])
-        return tuple(pieces)
+        return tuple(
+            self._cuts.cut(vertices_m, triangles, allowed_m, hollows)
+            for vertices_m, triangles in meshes
+        )
 
     def measure_excess_m(
         self, part: Part, pieces: Sequence[Pieces], meshes: Sequence[Mesh]
@@ -228,12 +349,6 @@ def _are_coaxial(face: Face, other: Face) -> bool:
     )
 
 
-def _round_to_bytes(lengths_m: Any) -> bytes:
-    """Return lengths as bytes, rounded to 0.1 micrometres as in mesh files."""
-    rounded = np.round(np.asarray(lengths_m, dtype=np.float64), _DECIMALS) + 0.0
-    return bytes(rounded.tobytes())
-
-
 def _is_same(hollow: Hollow, point: Points, axis: Points, radius_m: float) -> bool:
     distance = np.linalg.norm(np.cross(point - hollow.point_m, axis))
     return bool(
@@ -247,31 +362,37 @@ def _find_differences(
     product: Product,
     relation: Relation,
     pieces_of: Mapping[str, Sequence[Pieces]],
+    changed: Collection[str],
     upright: Upright,
-) -> tuple[Difference, ...]:
-    """Return the pairs that pieces block beyond the relation."""
-    parts = []
-    for part in product:
+) -> Iterator[Difference]:
+    """Yield the pairs with a changed part that pieces block beyond the relation."""
+    parts, numbers = [], []
+    for number, part in enumerate(product):
         pieces = [piece for mesh in pieces_of.get(part.name, ()) for piece in mesh]
-        parts.append(_replace_mesh(part, pieces, upright) if pieces else part)
-    waived = np.zeros((len(product), len(product)), dtype=bool)
+        # Screws need free holes, too.
+        if part.name in pieces_of or part.name in relation.driven:
+            parts.append(_replace_mesh(part, pieces, upright) if pieces else part)
+            numbers.append(number)
+    if len(parts) < 2:
+        return
+    names = [part.name for part in parts]
+    is_changed = np.array([name in changed for name in names])
+    asked = is_changed[:, None] | is_changed[None, :]
     for fastener in relation.fasteners:
         for mate in fastener.threaded_in:
-            first, second = product.index(fastener.part), product.index(mate)
-            waived[first, second] = waived[second, first] = True
+            if {fastener.part, mate} <= set(names):
+                first, second = names.index(fastener.part), names.index(mate)
+                asked[first, second] = asked[second, first] = False
     test = BlockingTest(replace(product, parts=tuple(parts)), relation.tolerance_m)
-    names = [part.name for part in product]
-    differences = []
-    matrix = relation.matrix
+    matrix = relation.matrix[:, numbers][:, :, numbers]
     for number in range(0, len(relation.directions), 2):
         # A blocking of one part is a blocking of the other in the opposite direction.
-        tested = ~(matrix[number] & matrix[number + 1].T) & ~waived
+        tested = ~(matrix[number] & matrix[number + 1].T) & asked
         for first, second in test.find_blocked_pairs(relation.directions[number], tested):
             pairs = ((first, second, number), (second, first, number + 1))
-            differences += [
-                Difference(names[a], names[b], way) for a, b, way in pairs if not matrix[way, a, b]
-            ]
-    return tuple(sorted(differences, key=lambda pair: (pair.direction, pair.part, pair.by)))
+            for a, b, way in pairs:
+                if not matrix[way, a, b]:
+                    yield Difference(names[a], names[b], way)
 
 
 def _replace_mesh(part: Part, pieces: Iterable[Mesh], upright: Upright) -> Part:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,7 @@ from numpy.typing import NDArray
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.planning.bearing import (
-    ATTITUDES,
-    Bearing,
-    find_bearing,
-    find_best_bearing,
-    list_required,
-)
+from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, LeftOut, Relation
@@ -38,8 +33,7 @@ from skillplan_cad.writing.held_part import (
     WIDE_CUP,
     PartHolds,
 )
-from skillplan_cad.writing.pieces_proof import ProvedPieces, prove_pieces
-from skillplan_cad.writing.trial import try_task
+from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
 from skillplan_cad.writing.upright import Upright, place_upright
 
 _LONGEST = 64
@@ -508,8 +502,6 @@ def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
 
 
 _MOST_DIRECTIONS = 3
-# Number of further orientations that are tried if the arm cannot bring all parts.
-_MOST_ORIENTATIONS = 1
 _BELOW_SHANK_M = 0.01
 _COMMENT_WIDTH = 98
 
@@ -538,6 +530,10 @@ class WrittenTask:
         Parts outside the task, each with a reason.
     faults
         Reasons why `check` refuses the task that leaving parts out does not fix.
+    skills
+        Skills that bring all parts in an order that was found; empty if none was.
+    doubt
+        Reason why no order was found, or why it is not sure; empty without one.
     pieces
         Convex pieces by product name, with the pairs that they block wrongly.
     bearing
@@ -553,183 +549,35 @@ class WrittenTask:
     upright: Upright
     pieces: ProvedPieces
     bearing: Bearing
-
-
-def build_task(
-    product: Product,
-    relation: Relation,
-    plan: AssemblyPlan,
-    robot: str = "panda",
-    bearing: Bearing | None = None,
-    without: Mapping[str, LeftOut] | None = None,
-    remarks: Mapping[str, str] | None = None,
-    others: Iterable[Bearing] | None = None,
-) -> WrittenTask:
-    """Write the task of assembling a product with one arm, so that `check` accepts it.
-
-    Leaves out parts that lack support, need more than a straight move, come from below, are refused
-    by `check`, or that the arm cannot bring, and what depends on those. `document` is empty if no
-    part remains.
-
-    Parameters
-    ----------
-    robot
-        Name of an arm in skillplan.
-    bearing
-        Supports of the parts; default: the orientation in which most parts stand.
-    without
-        Parts to leave out, with the reasons.
-    remarks
-        Clauses about parts, which are listed with the limits of one arm.
-    others
-        Other orientations, which are tried if the arm cannot bring all parts that stand; default:
-        all, or none if `bearing` is given.
-    """
-    absent = dict(without or {})
-    if others is None:
-        ups = () if bearing is not None else ATTITUDES.values()
-        others = (find_bearing(product, relation, up, absent) for up in ups)
-    first = bearing or find_best_bearing(product, relation, absent)
-    best = _build_upright(product, relation, plan, robot, first, absent, remarks or {})
-    most = _weigh(product, best.names)
-    if most >= _weigh(product, _list_promised(relation, first)):
-        return best
-    ranked = sorted(
-        (
-            (_weigh(product, _list_promised(relation, other, best)), other)
-            for other in others
-            if other.up != first.up
-        ),
-        key=lambda pair: -pair[0],
-    )
-    for promised, other in ranked[:_MOST_ORIENTATIONS]:
-        if promised > most:
-            task = _build_upright(product, relation, plan, robot, other, absent, remarks or {})
-            weight = _weigh(product, task.names)
-            if weight > most:
-                best, most = task, weight
-    return best
-
-
-def _list_promised(
-    relation: Relation, bearing: Bearing, tried: WrittenTask | None = None
-) -> set[str]:
-    """Return the parts that stand, and the screws that can be driven then.
-
-    Parameters
-    ----------
-    tried
-        Task in another orientation: parts that the arm could not bring fail again upside down, and
-        screws unless they come from above.
-    """
-    promised = {*bearing.order, *(relation.driven - bearing.undriven.keys())}
-    if tried is None:
-        return promised
-    up = np.asarray(bearing.up)
-    is_parallel = abs(float(up @ np.asarray(tried.bearing.up))) > _FLAT
-    for name, reason in tried.left_out.items():
-        fastener = relation.fastener(name) if name in relation.driven else None
-        from_above = fastener is not None and float(up @ np.asarray(fastener.axis)) > _FLAT
-        repeats = (fastener is not None or is_parallel) and not from_above
-        if repeats and reason.kind in ("no grasp", "unreachable", "follows"):
-            promised.discard(name)
-    return promised
-
-
-def _weigh(product: Product, names: Collection[str]) -> float:
-    """Return the sum of the shares of some parts in the number and in the mass of all."""
-    whole_kg = sum(part.mass_kg for part in product)
-    mass_kg = sum(part.mass_kg for part in product if part.name in names)
-    return round(len(set(names)) / len(product) + mass_kg / whole_kg, 6)
-
-
-def _build_upright(
-    product: Product,
-    relation: Relation,
-    plan: AssemblyPlan,
-    robot: str,
-    bearing: Bearing,
-    without: Mapping[str, LeftOut],
-    remarks: Mapping[str, str],
-) -> WrittenTask:
-    """Write the task in one orientation."""
-    absent = dict(without)
-    indirect = find_indirect_parts(plan)
-    holds = PartHolds(product, relation, plan.base, bearing.up, robot)
-    granted: set[str] = set()
-    # Pieces of all parts tried so far: they do not depend on the parts left out.
-    proved: ProvedPieces | None = None
-    while True:
-        unheld = holds.choose(bearing)
-        if unheld:
-            absent |= unheld
-            bearing = find_bearing(product, relation, bearing.up, absent)
-            continue
-        reasons = {**bearing.why_not, **bearing.undriven}
-        reasons |= {
-            name: indirect[name]
-            for name, reason in reasons.items()
-            if name in indirect and reason.kind in ("closed in", "from below")
-        }
-        left_out = {**reasons, **absent}
-        left_out |= _find_loose_screws(relation, left_out, bearing.up)
-        kept = {part.name for part in product} - left_out.keys()
-        if not kept - holds.fixed.keys() or not kept - relation.driven:
-            return _write_nothing(product, bearing, left_out)
-        writer = _Writer(product, relation, plan, bearing, robot, left_out, remarks, holds)
-        if writer.places.without:
-            words = "finds no place within the arm's reach"
-            absent |= {name: LeftOut(name, "no place", words) for name in writer.places.without}
-            bearing = find_bearing(product, relation, bearing.up, absent)
-            continue
-        task = writer.write(proved)
-        proved = proved or task.pieces
-        product_names = {task_name: name for name, task_name in task.names.items()}
-        order = [task.names[name] for name in holds.list_order() if name in task.names]
-        trial = try_task(task.document, task.files, order, granted)
-        if not trial.refusals and not trial.failures:
-            return task
-        refused_parts = {
-            name: LeftOut(name, "refused", f"is refused: {words.removesuffix('.')}")
-            for task_name, words in trial.refusals.items()
-            if task_name
-            for name in (product_names[task_name],)
-        }
-        if trial.refusals and not refused_parts:
-            return replace(task, faults=tuple(trial.refusals.values()))
-        for task_name, failure in trial.failures.items():
-            name = product_names[task_name]
-            if not holds.take_next(name, failure):
-                refused_parts |= holds.give_up(name)
-        if refused_parts:
-            absent |= refused_parts
-            bearing = find_bearing(product, relation, bearing.up, absent)
-
-
-def _write_nothing(
-    product: Product, bearing: Bearing, left_out: Mapping[str, LeftOut]
-) -> WrittenTask:
-    upright = place_upright(product, bearing.up, (0.0, 0.0))
-    pieces = ProvedPieces({}, (), ())
-    return WrittenTask({}, {}, {}, {}, left_out, (), upright, pieces, bearing)
-
-
-def _find_loose_screws(
-    relation: Relation, left_out: Mapping[str, LeftOut], up: Vector
-) -> dict[str, LeftOut]:
-    """Return the screws and nuts that need a part that is left out, each with a reason."""
-    loose: dict[str, LeftOut] = {}
-    for name in sorted(relation.driven - left_out.keys(), key=relation.index):
-        for join in list_required(relation, name, up):
-            if join in left_out or join in loose:
-                words = f"goes through or into {join}, which is left out"
-                loose[name] = LeftOut(name, "follows", words, (join,))
-                break
-    return loose
+    skills: tuple[str, ...] = ()
+    doubt: str = ""
 
 
 @dataclass
-class _Writer:
+class SharedMeshes:
+    """Meshes of the parts in one orientation and their files, which rewritten tasks share.
+
+    Parameters
+    ----------
+    of_part
+        Meshes by name of the part.
+    """
+
+    of_part: dict[str, Meshes] = field(default_factory=dict)
+    _texts: dict[str, tuple[object, str]] = field(default_factory=dict)
+
+    def format(self, path: str, content: object, make: Callable[[], str]) -> str:
+        """Return the text of a file; the same content is formatted once."""
+        known = self._texts.get(path)
+        if known is None or known[0] is not content:
+            known = self._texts[path] = (content, make())
+        return known[1]
+
+
+@dataclass
+class TaskWriter:
+    """Writes the task of some parts of a product."""
+
     product: Product
     relation: Relation
     plan: AssemblyPlan
@@ -738,6 +586,7 @@ class _Writer:
     left_out: Mapping[str, LeftOut]
     remarks: Mapping[str, str]
     holds: PartHolds
+    shared: SharedMeshes
     names: Mapping[str, str] = field(init=False)
     kept: tuple[Part, ...] = field(init=False)
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
@@ -745,7 +594,6 @@ class _Writer:
     gripped: list[Part] = field(init=False)
     places: Places = field(init=False)
     upright: Upright = field(init=False)
-    _meshes: dict[str, Meshes] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         taken = {*_HOLDER_OF, self.robot, "world", "home"}
@@ -765,8 +613,8 @@ class _Writer:
         )
         self.upright = self.places.upright
 
-    def write(self, proved: ProvedPieces | None = None) -> WrittenTask:
-        """Return the written task; computes convex pieces if they are not given."""
+    def write(self, proof: PieceProof) -> WrittenTask:
+        """Return the written task; its pieces lack parts that a request to stop came before."""
         files: dict[str, str] = {}
         parts = {self.names[part.name]: self._build_part(part, files) for part in self.gripped}
         screws = {
@@ -774,11 +622,8 @@ class _Writer:
             for part in self.kept
             if (fastener := self._get_driven(part)) is not None
         }
-        if proved is None or not self._meshes.keys() <= proved.pieces.keys():
-            proved = prove_pieces(
-                self.product, self.relation, self.plan, self._meshes, self.upright
-            )
-        proved = proved.of(self._meshes)
+        meshes = self.shared.of_part
+        proved = proof.prove({part.name: meshes[part.name] for part in self.gripped})
         self._add_pieces(proved, parts, files)
         up, names = self.bearing.up, self.names
         for name, words in list_plan_limits(self.product, self.plan, up, names):
@@ -811,7 +656,9 @@ class _Writer:
             for mesh, pieces in zip(parts[self.names[part_name]]["meshes"], per_mesh, strict=True):
                 if pieces:
                     mesh["pieces"] = mesh["file"].removesuffix(".obj") + ".pieces.obj"
-                    files[mesh["pieces"]] = format_pieces(pieces)
+                    files[mesh["pieces"]] = self.shared.format(
+                        mesh["pieces"], pieces, partial(format_pieces, pieces)
+                    )
         for part_name, fits in proved.fits.items():
             entry = {
                 self.names[fit.into]: {
@@ -880,12 +727,14 @@ class _Writer:
     def _build_part(self, part: Part, files: dict[str, str]) -> dict[str, Any]:
         """Return the entry of a part, and add its meshes to the files."""
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
-        local = self.upright.vertices(part) - bottom
-        self._meshes[part.name] = ((local, part.triangles),)
+        meshes = self.shared.of_part.get(part.name)
+        if meshes is None:
+            meshes = ((self.upright.vertices(part) - bottom, part.triangles),)
+            self.shared.of_part[part.name] = meshes
         fixed = part.name in self.holds.fixed
         entry: dict[str, Any] = {"fixed": True} if fixed else self.holds.held(part.name).entry
         entry["mass_kg"] = float(f"{max(part.mass_kg, 1e-6):.4g}")
-        entry["meshes"] = _add_meshes(name, self._meshes[part.name], files)
+        entry["meshes"] = self._add_meshes(name, meshes, files)
         feeder = self.places.feeders.get(part.name)
         if feeder is not None:
             entry["feeder"] = feeder
@@ -903,6 +752,17 @@ class _Writer:
         if ways != [[0.0, 0.0, -1.0]] and not fixed:
             entry["insert_along"] = ways
         return entry
+
+    def _add_meshes(self, name: str, meshes: Meshes, files: dict[str, str]) -> list[dict[str, Any]]:
+        """Add the meshes of a part to the files, and return their entries."""
+        entries = []
+        for number, mesh in enumerate(meshes, 1):
+            path = f"meshes/{name}{f'_{number}' if len(meshes) > 1 else ''}.obj"
+            files[path] = self.shared.format(path, mesh, partial(format_obj, *mesh))
+            low, high = mesh[0].min(axis=0), mesh[0].max(axis=0)
+            centre = [round(float(value), 7) + 0.0 for value in (low + high) / 2]
+            entries.append({"file": path, "centre_m": centre})
+        return entries
 
     def _list_directions(self, part: Part) -> list[list[float]]:
         """Return up to three directions for bringing a part, down or that of the plan first."""
@@ -952,18 +812,6 @@ class _Writer:
 
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
-
-
-def _add_meshes(name: str, meshes: Meshes, files: dict[str, str]) -> list[dict[str, Any]]:
-    """Add the meshes of a part to the files, and return their entries."""
-    entries = []
-    for number, (points, triangles) in enumerate(meshes, 1):
-        path = f"meshes/{name}{f'_{number}' if len(meshes) > 1 else ''}.obj"
-        files[path] = format_obj(points, triangles)
-        low, high = points.min(axis=0), points.max(axis=0)
-        centre = [round(float(value), 7) + 0.0 for value in (low + high) / 2]
-        entries.append({"file": path, "centre_m": centre})
-    return entries
 
 
 def _format_comments(left_out: Mapping[str, LeftOut], limits: Mapping[str, tuple[str, ...]]) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,11 +11,15 @@ from typing import Any
 from pydantic import ValidationError
 
 from skillplan.checks import Feasibility
-from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
+from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain, MeshConfig
 from skillplan.errors import Issue
 from skillplan.files.schema_errors import list_schema_issues
+from skillplan.model import SkillModel
+from skillplan.model.replay import replay
 from skillplan.pipeline import Setup, make_feasibility, names
 from skillplan.task import Skill, State, Task
+from skillplan_cad.planning.watch import Watch
+from skillplan_cad.writing.whole_order import Conflict, find_order
 
 SWEPT = "swept"
 
@@ -47,46 +51,175 @@ class Trial:
         part have an empty name.
     failures
         Reasons why the arm cannot bring a part or drive a screw, by name.
+    untried
+        Parts and screws that a request to stop came before.
+    conflicts
+        Reasons why parts and screws are in no order of all, by name; searched if nothing fails.
+    skills
+        Skills that bring everything in the order that was found; empty if none was.
+    doubt
+        Reason why the order is not sure; empty without one.
     """
 
-    refusals: Mapping[str, str]
-    failures: Mapping[str, Failure]
+    refusals: Mapping[str, str] = field(default_factory=dict)
+    failures: Mapping[str, Failure] = field(default_factory=dict)
+    untried: tuple[str, ...] = ()
+    conflicts: Mapping[str, Conflict] = field(default_factory=dict)
+    skills: tuple[str, ...] = ()
+    doubt: str = ""
 
 
-def try_task(
-    document: Mapping[str, Any],
-    files: Mapping[str, str],
-    order: Sequence[str],
-    granted: set[str],
-) -> Trial:
-    """Check a task, and try each pick, place and fastening when its turn comes.
+class TaskTrials:
+    """Tries the tasks of a product, each with fewer parts or other tools than the one before.
 
     Parameters
     ----------
-    document
-        Content of the task file.
-    files
-        Contents of the mesh files by their path within the folder.
-    order
-        Names of parts and screws in the order of the plan.
-    granted
-        Parts and screws that need no trial; those that pass are added.
+    watch
+        Progress reports, and requests to stop.
     """
-    with TemporaryDirectory(prefix="skillplan-cad-") as folder:
-        for name, content in files.items():
-            path = Path(folder, name)
+
+    def __init__(self, watch: Watch) -> None:
+        self._watch = watch
+        self._folder = TemporaryDirectory(prefix="skillplan-cad-")
+        self._contents: dict[str, str] = {}
+        # Meshes by their entries; a file that changes is read anew.
+        self._meshes: dict[str, tuple[Mapping[str, Any], MeshConfig]] = {}
+        # Parts and screws that need no further trial.
+        self._granted: set[str] = set()
+
+    def __enter__(self) -> TaskTrials:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._folder.cleanup()
+
+    def forget(self, name: str) -> None:
+        """Try a part or screw again."""
+        self._granted.discard(name)
+
+    def try_task(
+        self, document: Mapping[str, Any], files: Mapping[str, str], order: Sequence[str]
+    ) -> Trial:
+        """Check a task, try each pick, place and fastening when its turn comes, and find an order.
+
+        Parameters
+        ----------
+        document
+            Content of the task file.
+        files
+            Contents of the mesh files by their path within the folder.
+        order
+            Names of parts and screws in the order of the plan.
+        """
+        folder = Path(self._folder.name)
+        changed = {name for name, text in files.items() if self._contents.get(name) != text}
+        for name in changed:
+            path = folder / name
             path.parent.mkdir(exist_ok=True)
-            path.write_text(content, "utf-8")
+            path.write_text(files[name], "utf-8")
+            self._contents[name] = files[name]
         domain = AssemblyDomain()
+        known = self._use_known_meshes(document, changed)
         try:
-            config = domain.Config.model_validate(document, context={"folder": Path(folder)})
+            config = domain.Config.model_validate(known, context={"folder": folder})
         except ValidationError as error:
-            return Trial(_sort_issues(list_schema_issues(error, domain.Config)), {})
+            return Trial(_sort_issues(list_schema_issues(error, domain.Config)))
+        self._keep_meshes(document, config)
         refusals = _sort_issues(domain.issues(config))
         if refusals or SWEPT not in names("collision"):
-            return Trial(refusals, {})
+            return Trial(refusals)
         (task,) = domain.ground(config, "")
-    return Trial({}, dict(_try_skills(task, config, order, granted)))
+        # Paths between motions are checked once an order is found.
+        setup = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
+        feasibility = make_feasibility(task, setup)
+        try:
+            failures = dict(self._try_skills(feasibility, config, order))
+            left = [name for name in (*config.parts, *config.screws) if name not in self._granted]
+            untried = tuple(
+                name
+                for name in left
+                if name not in failures and not (name in config.parts and config.parts[name].fixed)
+            )
+            if failures or untried:
+                return Trial(failures=failures, untried=untried)
+            return self._find_order(task, config, feasibility, order)
+        finally:
+            feasibility.close()
+
+    def _use_known_meshes(
+        self, document: Mapping[str, Any], changed: Iterable[str]
+    ) -> dict[str, Any]:
+        """Return the document with the meshes that were read before in the place of their files."""
+        parts = {}
+        for name, entry in document["parts"].items():
+            meshes = []
+            for mesh in entry["meshes"]:
+                known = self._meshes.get(mesh["file"])
+                is_same = known is not None and known[0] == mesh
+                if known is None or not is_same or {mesh["file"], mesh.get("pieces")} & {*changed}:
+                    meshes.append(mesh)
+                else:
+                    meshes.append(known[1])
+            parts[name] = {**entry, "meshes": meshes}
+        return {**document, "parts": parts}
+
+    def _keep_meshes(self, document: Mapping[str, Any], config: AssemblyConfig) -> None:
+        for name, part in config.parts.items():
+            entries = document["parts"][name]["meshes"]
+            for entry, mesh in zip(entries, part.meshes or (), strict=True):
+                self._meshes[entry["file"]] = (dict(entry), mesh)
+
+    def _try_skills(
+        self, feasibility: Feasibility, config: AssemblyConfig, order: Sequence[str]
+    ) -> Iterator[tuple[str, Failure]]:
+        """Yield the parts and screws that the arm cannot bring, each with the reason."""
+        task = feasibility.task
+        skills = {skill.name: skill for skill in task.skills}
+        for number, name in enumerate(order):
+            if name in self._granted or (name in config.parts and config.parts[name].fixed):
+                continue
+            if self._watch.must_stop():
+                return
+            self._watch.report(f"writing: trying {name}, {number + 1} of {len(order)} parts")
+            turn = _list_facts(task, config, order[:number], name)
+            failure = _try_one(feasibility, skills, turn, name)
+            if failure is not None:
+                alone = _list_facts(task, config, _list_supports(config, name), name)
+                failure = _try_one(feasibility, skills, alone, name)
+            if failure is None:
+                self._granted.add(name)
+            else:
+                yield name, failure
+
+    def _find_order(
+        self,
+        task: Task,
+        config: AssemblyConfig,
+        feasibility: Feasibility,
+        preferred: Sequence[str],
+    ) -> Trial:
+        """Return the order of the whole task, or the parts that are in none."""
+        needs: dict[str, Collection[str]] = {
+            name: part.goal_on or () for name, part in config.parts.items()
+        }
+        needs |= {name: (screw.through,) for name, screw in config.screws.items()}
+        self._watch.report(f"writing: finding an order of {len(task.operations)} parts")
+        order = find_order(task, feasibility, preferred, needs, self._watch.must_stop)
+        if order.conflicts:
+            return Trial(conflicts=order.conflicts)
+        if not order.ended:
+            return Trial(doubt="no order was found in the time or number of checks")
+        # With the paths between motions, from the place where the arm is then.
+        whole = make_feasibility(task, Setup(collision=(SWEPT,)), feasibility.cache)
+        try:
+            again = replay(SkillModel(whole), order.skills)
+        finally:
+            whole.close()
+        skills = tuple(skill.name for skill in order.skills)
+        if again.feasible and again.complete:
+            return Trial(skills=skills)
+        fault = again.violations[0]
+        return Trial(doubt=f"{fault.skill or 'the end'} fails in it: {fault.reason}")
 
 
 def _sort_issues(issues: Iterable[Issue]) -> dict[str, str]:
@@ -95,31 +228,6 @@ def _sort_issues(issues: Iterable[Issue]) -> dict[str, str]:
         of_part = len(issue.path) > 1 and issue.path[0] in ("parts", "screws")
         reasons.setdefault(str(issue.path[1]) if of_part else "", issue.message)
     return reasons
-
-
-def _try_skills(
-    task: Task, config: AssemblyConfig, order: Sequence[str], granted: set[str]
-) -> Iterator[tuple[str, Failure]]:
-    """Yield the parts and screws that the arm cannot bring, each with the reason."""
-    # Paths between motions are left to the search.
-    setup = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
-    feasibility = make_feasibility(task, setup)
-    skills = {skill.name: skill for skill in task.skills}
-    try:
-        for number, name in enumerate(order):
-            if name in granted or (name in config.parts and config.parts[name].fixed):
-                continue
-            turn = _list_facts(task, config, order[:number], name)
-            failure = _try_one(feasibility, skills, task, turn, name)
-            if failure is not None:
-                alone = _list_facts(task, config, _list_supports(config, name), name)
-                failure = _try_one(feasibility, skills, task, alone, name)
-            if failure is None:
-                granted.add(name)
-            else:
-                yield name, failure
-    finally:
-        feasibility.close()
 
 
 def _list_supports(config: AssemblyConfig, name: str) -> list[str]:
@@ -148,15 +256,11 @@ def _list_facts(task: Task, config: AssemblyConfig, before: Sequence[str], name:
 
 
 def _try_one(
-    feasibility: Feasibility,
-    skills: Mapping[str, Skill],
-    task: Task,
-    facts: set[str],
-    name: str,
+    feasibility: Feasibility, skills: Mapping[str, Skill], facts: set[str], name: str
 ) -> Failure | None:
     """Return why the arm cannot bring a part or drive a screw, or None."""
-    state: State = task.facts.of(*facts)
-    kinds = ("fasten",) if f"fasten({name})" in skills else ("pick", "place")
+    state: State = feasibility.task.facts.of(*facts)
+    kinds: tuple[str, ...] = ("fasten",) if f"fasten({name})" in skills else ("pick", "place")
     for kind in kinds:
         skill = skills[f"{kind}({name})"]
         if not skill.applicable(state):

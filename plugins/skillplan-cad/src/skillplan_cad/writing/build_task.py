@@ -1,0 +1,298 @@
+"""Build the task of a product: write it, try it, and leave out what the arm cannot bring."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from skillplan_cad.planning.assembly_plan import AssemblyPlan
+from skillplan_cad.planning.bearing import (
+    ATTITUDES,
+    Bearing,
+    find_bearing,
+    find_best_bearing,
+    list_required,
+)
+from skillplan_cad.planning.watch import Watch
+from skillplan_cad.product import Product, Vector
+from skillplan_cad.relation import LeftOut, Relation
+from skillplan_cad.writing.held_part import PartHolds
+from skillplan_cad.writing.pieces_proof import Cuts, PieceProof, ProvedPieces
+from skillplan_cad.writing.task_document import (
+    SharedMeshes,
+    TaskWriter,
+    WrittenTask,
+    find_indirect_parts,
+)
+from skillplan_cad.writing.trial import Failure, TaskTrials, Trial
+from skillplan_cad.writing.upright import place_upright
+
+# Number of further orientations, which are tried if the arm brings less than a share of the parts.
+_MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
+# Cosine of two directions that are one.
+_ALONG = 0.999
+
+
+def build_task(
+    product: Product,
+    relation: Relation,
+    plan: AssemblyPlan,
+    robot: str = "panda",
+    bearing: Bearing | None = None,
+    without: Mapping[str, LeftOut] | None = None,
+    remarks: Mapping[str, str] | None = None,
+    others: Iterable[Bearing] | None = None,
+    watch: Watch | None = None,
+) -> WrittenTask:
+    """Write the task of assembling a product with one arm, so that `check` accepts it.
+
+    Leaves out parts that lack support, need more than a straight move, come from below, are refused
+    by `check`, that the arm cannot bring, or that are in no order of the others, and what depends
+    on those. `document` is empty if no part remains.
+
+    Parameters
+    ----------
+    robot
+        Name of an arm in skillplan.
+    bearing
+        Supports of the parts; default: the orientation in which most parts stand.
+    without
+        Parts to leave out, with the reasons.
+    remarks
+        Clauses about parts, which are listed with the limits of one arm.
+    others
+        Other orientations, which are tried if the arm brings few of the parts that stand; default:
+        all, or none if `bearing` is given.
+    watch
+        Progress reports, and requests to stop: parts that were not tried then are left out.
+    """
+    watch = watch or Watch()
+    cuts = Cuts(product)
+
+    def build(bearing: Bearing, least: float = 0.0) -> WrittenTask:
+        with TaskTrials(watch) as trials:
+            builder = _TaskBuilder(product, relation, plan, robot, bearing, remarks or {})
+            return builder.build(absent, cuts, trials, watch, least)
+
+    absent = dict(without or {})
+    if others is None:
+        ups = () if bearing is not None else ATTITUDES.values()
+        others = (find_bearing(product, relation, up, absent) for up in ups)
+    first = bearing or find_best_bearing(product, relation, absent)
+    best = build(first)
+    most = _weigh(product, best.names)
+    if most >= _ENOUGH * _weigh(product, _list_promised(relation, first)):
+        return best
+    ranked = sorted(
+        (
+            (_weigh(product, _list_promised(relation, other, best)), other)
+            for other in others
+            if other.up != first.up
+        ),
+        key=lambda pair: -pair[0],
+    )
+    for promised, other in ranked[:_MOST_ORIENTATIONS]:
+        if promised > most and not watch.must_stop():
+            task = build(other, most)
+            weight = _weigh(product, task.names)
+            if weight > most:
+                best, most = task, weight
+    return best
+
+
+def _list_promised(
+    relation: Relation, bearing: Bearing, tried: WrittenTask | None = None
+) -> set[str]:
+    """Return the parts that stand, and the screws that can be driven then.
+
+    Parameters
+    ----------
+    tried
+        Task in another orientation: parts that the arm could not bring fail again upside down, and
+        screws unless they come from above.
+    """
+    promised = {*bearing.order, *(relation.driven - bearing.undriven.keys())}
+    if tried is None:
+        return promised
+    up = np.asarray(bearing.up)
+    is_parallel = abs(float(up @ np.asarray(tried.bearing.up))) > _ALONG
+    for name, reason in tried.left_out.items():
+        fastener = relation.fastener(name) if name in relation.driven else None
+        from_above = fastener is not None and float(up @ np.asarray(fastener.axis)) > _ALONG
+        repeats = (fastener is not None or is_parallel) and not from_above
+        if repeats and reason.kind in ("no grasp", "unreachable", "follows"):
+            promised.discard(name)
+    return promised
+
+
+def _weigh(product: Product, names: Collection[str]) -> float:
+    """Return the sum of the shares of some parts in the number and in the mass of all."""
+    whole_kg = sum(part.mass_kg for part in product)
+    mass_kg = sum(part.mass_kg for part in product if part.name in names)
+    return round(len(set(names)) / len(product) + mass_kg / whole_kg, 6)
+
+
+class _TaskBuilder:
+    """Builds the task in one orientation."""
+
+    def __init__(
+        self,
+        product: Product,
+        relation: Relation,
+        plan: AssemblyPlan,
+        robot: str,
+        bearing: Bearing,
+        remarks: Mapping[str, str],
+    ) -> None:
+        self._product, self._relation, self._plan = product, relation, plan
+        self._robot, self._bearing, self._remarks = robot, bearing, remarks
+        self._indirect = find_indirect_parts(plan)
+        self._holds = PartHolds(product, relation, plan.base, bearing.up, robot)
+        self._absent: dict[str, LeftOut] = {}
+        # Parts that are in no order with the first tool that holds them.
+        self._conflicting: dict[str, dict[str, LeftOut]] = {}
+
+    def build(
+        self,
+        without: Mapping[str, LeftOut],
+        cuts: Cuts,
+        trials: TaskTrials,
+        watch: Watch,
+        least: float,
+    ) -> WrittenTask:
+        """Write the task again with fewer parts until it passes its trial.
+
+        Parameters
+        ----------
+        least
+            Weight of another orientation: with less, the task is given up.
+        """
+        self._absent |= without
+        shared = SharedMeshes()
+        upright = place_upright(self._product, self._bearing.up, (0.0, 0.0))
+        proof = PieceProof(self._product, self._relation, self._plan, upright, cuts, watch)
+        while True:
+            unheld = self._holds.choose(self._bearing)
+            if unheld:
+                self._leave_out(unheld)
+                continue
+            left_out = self._list_left_out()
+            kept = {part.name for part in self._product} - left_out.keys()
+            is_empty = not kept - self._holds.fixed.keys() or not kept - self._relation.driven
+            if is_empty or _weigh(self._product, kept) <= least:
+                return _write_nothing(self._product, self._bearing, left_out)
+            writer = TaskWriter(
+                self._product,
+                self._relation,
+                self._plan,
+                self._bearing,
+                self._robot,
+                left_out,
+                self._remarks,
+                self._holds,
+                shared,
+            )
+            if writer.places.without:
+                words = "finds no place within the arm's reach"
+                places = writer.places.without
+                self._leave_out({name: LeftOut(name, "no place", words) for name in places})
+                continue
+            task = writer.write(proof)
+            unfinished = {part.name for part in writer.gripped} - task.pieces.pieces.keys()
+            if unfinished:
+                self._leave_out(_list_unexamined(unfinished))
+                continue
+            names = [name for name in self._holds.list_order() if name in task.names]
+            order = [task.names[name] for name in names]
+            trial = trials.try_task(task.document, task.files, order)
+            general = trial.refusals.get("")
+            if general is not None and len(trial.refusals) == 1:
+                return replace(task, faults=(general,))
+            more = self._judge(trial, {task.names[name]: name for name in task.names}, trials)
+            if more is None:
+                return replace(task, skills=trial.skills, doubt=trial.doubt)
+            self._leave_out(more)
+
+    def _list_left_out(self) -> dict[str, LeftOut]:
+        reasons = {**self._bearing.why_not, **self._bearing.undriven}
+        reasons |= {
+            name: self._indirect[name]
+            for name, reason in reasons.items()
+            if name in self._indirect and reason.kind in ("closed in", "from below")
+        }
+        left_out = {**reasons, **self._absent}
+        return left_out | _find_loose_screws(self._relation, left_out, self._bearing.up)
+
+    def _leave_out(self, reasons: Mapping[str, LeftOut]) -> None:
+        if reasons:
+            self._absent |= reasons
+            self._bearing = find_bearing(
+                self._product, self._relation, self._bearing.up, self._absent
+            )
+
+    def _judge(
+        self, trial: Trial, names: Mapping[str, str], trials: TaskTrials
+    ) -> dict[str, LeftOut] | None:
+        """Return the parts to leave out after a trial; None if it passed.
+
+        None are left out if other tools are to be tried.
+
+        Parameters
+        ----------
+        names
+            Product names by task names.
+        """
+        reasons: dict[str, LeftOut] = {}
+        for task_name, words in trial.refusals.items():
+            if task_name:
+                name = names[task_name]
+                words = f"is refused: {words.removesuffix('.')}"
+                reasons[name] = LeftOut(name, "refused", words)
+        for task_name, failure in trial.failures.items():
+            name = names[task_name]
+            if not self._holds.take_next(name, failure):
+                reasons |= self._conflicting.get(name) or self._holds.give_up(name)
+        reasons |= _list_unexamined(names[task_name] for task_name in trial.untried)
+        for task_name, conflict in trial.conflicts.items():
+            name, by = names[task_name], tuple(names[other] for other in conflict.by)
+            left_out = LeftOut(name, "no order", conflict.text, by)
+            failed = names[conflict.failed]
+            retooled = conflict.is_by_hand and self._holds.take_next(
+                failed, Failure(conflict.text, is_far=False)
+            )
+            if retooled:
+                self._conflicting.setdefault(failed, {name: left_out})
+                trials.forget(conflict.failed)
+            else:
+                reasons |= self._conflicting.get(failed, {name: left_out})
+        passed = not (trial.refusals or trial.failures or trial.untried or trial.conflicts)
+        return None if passed else reasons
+
+
+def _list_unexamined(names: Iterable[str]) -> dict[str, LeftOut]:
+    words = "was not tried in the time; --time-limit sets it"
+    return {name: LeftOut(name, "not examined", words) for name in sorted(names)}
+
+
+def _write_nothing(
+    product: Product, bearing: Bearing, left_out: Mapping[str, LeftOut]
+) -> WrittenTask:
+    upright = place_upright(product, bearing.up, (0.0, 0.0))
+    pieces = ProvedPieces({}, (), ())
+    return WrittenTask({}, {}, {}, {}, left_out, (), upright, pieces, bearing)
+
+
+def _find_loose_screws(
+    relation: Relation, left_out: Mapping[str, LeftOut], up: Vector
+) -> dict[str, LeftOut]:
+    """Return the screws and nuts that need a part that is left out, each with a reason."""
+    loose: dict[str, LeftOut] = {}
+    for name in sorted(relation.driven - left_out.keys(), key=relation.index):
+        for join in list_required(relation, name, up):
+            if join in left_out or join in loose:
+                words = f"goes through or into {join}, which is left out"
+                loose[name] = LeftOut(name, "follows", words, (join,))
+                break
+    return loose

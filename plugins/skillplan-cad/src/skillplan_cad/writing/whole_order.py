@@ -1,0 +1,272 @@
+"""Find an order in which one arm brings all parts of a task, or the parts that spoil every order.
+
+Parts are placed one after another, in the order of the plan as far as the checks allow. If none of
+the rest can be placed, the verdicts name the parts in the way: one that could have gone in before
+them is put before them, and the search starts again. If that does not help, the part is left out
+whose absence costs the fewest others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from skillplan.chart import HypotheticalStates
+from skillplan.checks import Feasibility
+from skillplan.task import Skill, Task
+from skillplan.task.verdict import Verdict
+
+# Largest number of checks for each part, and of parts that are compared for leaving out.
+_CHECKS_A_PART, _MOST_COMPARED = 30, 8
+
+
+@dataclass(frozen=True, slots=True)
+class Conflict:
+    """Why a part is in no order of the others.
+
+    Parameters
+    ----------
+    text
+        Clause that follows the part's name.
+    by
+        Names of the parts that it conflicts with.
+    failed
+        The part whose skill fails, this one or another.
+    is_by_hand
+        True if the tool or the arm is in the way, so that another tool may help.
+    """
+
+    text: str
+    by: tuple[str, ...]
+    failed: str
+    is_by_hand: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Outcome of the search for an order.
+
+    Parameters
+    ----------
+    parts
+        Parts and screws that go in, in order.
+    skills
+        Skills that bring them.
+    conflicts
+        Parts and screws that spoil every order that was tried, by name.
+    without
+        Parts and screws that need one of those, and were not tried.
+    ended
+        False if the limits of time or checks were reached before.
+    """
+
+    parts: tuple[str, ...]
+    skills: tuple[Skill, ...] = ()
+    conflicts: Mapping[str, Conflict] = field(default_factory=dict)
+    without: tuple[str, ...] = ()
+    ended: bool = True
+
+
+def find_order(
+    task: Task,
+    feasibility: Feasibility,
+    preferred: Sequence[str],
+    needs: Mapping[str, Collection[str]],
+    must_stop: Callable[[], bool] = lambda: False,
+) -> Order:
+    """Return an order of the parts and screws of a task that the back ends accept one by one.
+
+    Parameters
+    ----------
+    preferred
+        Names of parts and screws in the order of the plan.
+    needs
+        Parts that a part or screw rests on or goes into.
+    must_stop
+        Returns True once the time is over.
+    """
+    return _OrderSearch(task, feasibility, preferred, needs, must_stop).run()
+
+
+class _Spent(Exception):
+    """Raised once the limits of time or checks are reached."""
+
+
+class _OrderSearch:
+    def __init__(
+        self,
+        task: Task,
+        feasibility: Feasibility,
+        preferred: Sequence[str],
+        needs: Mapping[str, Collection[str]],
+        must_stop: Callable[[], bool],
+    ) -> None:
+        self._task, self._feasibility, self._must_stop = task, feasibility, must_stop
+        self._hypothetical = HypotheticalStates(task)
+        self._chains = {name: self._hypothetical.chain(name) for name in task.operations}
+        listed = [name for name in preferred if name in task.operations]
+        self._alive = [*listed, *(name for name in task.operations if name not in listed)]
+        self._needs = {
+            name: {need for need in needs.get(name, ()) if need in task.operations}
+            for name in task.operations
+        }
+        # Parts that go in before a part: those that its skills require, and those learned.
+        self._before = {name: set(self._list_required(name)) for name in task.operations}
+        self._most = feasibility.checks + _CHECKS_A_PART * len(self._alive)
+
+    def run(self) -> Order:
+        conflicts: dict[str, Conflict] = {}
+        without: list[str] = []
+        order: list[str] = []
+        try:
+            while True:
+                order, failed = self._place_all()
+                if len(order) == len(self._alive):
+                    break
+                if self._learn(order, failed):
+                    continue
+                name, conflict = self._choose_dropped(order, failed)
+                conflicts[name] = conflict
+                gone = self._list_dependants(name)
+                without += sorted(gone)
+                self._alive = [other for other in self._alive if other not in {name, *gone}]
+                for before in self._before.values():
+                    before -= {name, *gone}
+        except _Spent:
+            return Order(tuple(order), (), conflicts, tuple(without), ended=False)
+        return Order(tuple(order), self._list_skills(order), conflicts, tuple(without))
+
+    def _list_required(self, name: str) -> Iterable[str]:
+        """Yield the parts whose goals the skills of a part require."""
+        for skill in self._chains[name]:
+            for fact in skill.precondition.requires:
+                owner = self._hypothetical.owner(fact)
+                if owner not in (None, name) and fact == self._task.operations.get(str(owner)):
+                    yield str(owner)
+
+    def _place_all(self) -> tuple[list[str], dict[str, Verdict]]:
+        """Return the parts that can be placed one after another, and why the rest cannot."""
+        order: list[str] = []
+        left = list(self._alive)
+        failed: dict[str, Verdict] = {}
+        while left:
+            done = frozenset(order)
+            failed.clear()
+            for name in left:
+                if self._before[name] - done:
+                    continue
+                verdict = self._find_failure(name, done)
+                if verdict is None:
+                    order.append(name)
+                    left.remove(name)
+                    break
+                failed[name] = verdict
+            else:
+                break
+        return order, failed
+
+    def _find_failure(self, name: str, done: Collection[str]) -> Verdict | None:
+        """Return the verdict that refuses a part once exactly some others are placed, or None."""
+        for skill in self._chains[name]:
+            if self._must_stop() or self._feasibility.checks > self._most:
+                raise _Spent
+            verdict = self._feasibility.verdict(skill, self._hypothetical.before(skill, done))
+            if not verdict.is_feasible:
+                return verdict
+        return None
+
+    def _learn(self, order: Sequence[str], failed: Mapping[str, Verdict]) -> bool:
+        """Put parts that failed before those in their way, if they could be placed then."""
+        learned = False
+        for name, verdict in failed.items():
+            for culprit in reversed(self._list_placed_culprits(name, verdict, order)):
+                later = {culprit, *self._list_dependants(culprit)}
+                earlier = frozenset(other for other in order if other not in later)
+                if name in later or self._leads(culprit, name):
+                    continue
+                if self._find_failure(name, earlier) is None:
+                    self._before[culprit].add(name)
+                    learned = True
+                    break
+        return learned
+
+    def _leads(self, first: str, last: str) -> bool:
+        """Return whether a part goes in before another, by what is known."""
+        waiting, seen = [last], set[str]()
+        while waiting:
+            for other in self._before[waiting.pop()] - seen:
+                if other == first:
+                    return True
+                seen.add(other)
+                waiting.append(other)
+        return False
+
+    def _list_placed_culprits(self, name: str, verdict: Verdict, order: Sequence[str]) -> list[str]:
+        """Return the placed parts that a verdict rests on, in order."""
+        present = set(verdict.present or ())
+        goals = self._task.operations
+        return [other for other in order if other != name and goals[other] in present]
+
+    def _list_dependants(self, name: str) -> set[str]:
+        """Return the parts that need a part, directly or not."""
+        gone: set[str] = set()
+        waiting = [name]
+        while waiting:
+            base = waiting.pop()
+            for other, needs in self._needs.items():
+                if base in needs and other not in gone and other in self._alive:
+                    gone.add(other)
+                    waiting.append(other)
+        return gone
+
+    def _choose_dropped(
+        self, order: Sequence[str], failed: Mapping[str, Verdict]
+    ) -> tuple[str, Conflict]:
+        """Return the part without which most others can be placed, with the reason."""
+        if not failed:
+            # The rest waits for each other.
+            left = [name for name in self._alive if name not in order]
+            name = min(left, key=lambda other: (len(self._list_dependants(other)), other))
+            by = tuple(sorted(self._before[name] & set(left)))
+            words = f"waits for {' and '.join(by)}, which waits for it"
+            return name, Conflict(words, by, name, is_by_hand=False)
+        candidates = dict.fromkeys(failed)
+        blamed: dict[str, list[str]] = {}
+        for name, verdict in failed.items():
+            for culprit in self._list_placed_culprits(name, verdict, order):
+                candidates.setdefault(culprit)
+                blamed.setdefault(culprit, []).append(name)
+        dependants = {name: self._list_dependants(name) for name in candidates}
+        compared = sorted(candidates, key=lambda name: len(dependants[name]))[:_MOST_COMPARED]
+        lost: dict[str, int] = {}
+        for name in compared:
+            gone = {name, *dependants[name]}
+            done = frozenset(other for other in order if other not in gone)
+            still = [
+                other
+                for other in failed
+                if other not in gone and self._find_failure(other, done) is not None
+            ]
+            lost[name] = len(gone) + len(still)
+        chosen = min(compared, key=lambda name: (lost[name], name not in failed))
+        name = chosen if chosen in failed else blamed[chosen][0]
+        verdict = failed[name]
+        is_by_hand = f"{name} runs " not in verdict.reason
+        if chosen in failed:
+            by = tuple(self._list_placed_culprits(chosen, verdict, order))
+            others = self._hypothetical.components(verdict) - {chosen, *by}
+            words = f"fails in every order that was tried: {verdict.stage}: {verdict.reason}"
+            return chosen, Conflict(words, by or tuple(sorted(others)), name, is_by_hand)
+        words = (
+            f"is in the way of {' and '.join(blamed[chosen])} in every order that was tried: "
+            f"{verdict.stage}: {verdict.reason}"
+        )
+        return chosen, Conflict(words, tuple(blamed[chosen]), name, is_by_hand)
+
+    def _list_skills(self, order: Iterable[str]) -> tuple[Skill, ...]:
+        """Return the skills that bring the parts in an order, changes of tools included."""
+        state, skills = self._task.initial, []
+        for name in order:
+            state, more = self._hypothetical.bring(state, name)
+            skills += more
+        return tuple(skills)
