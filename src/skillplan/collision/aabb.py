@@ -336,6 +336,8 @@ class AabbDetector(Detector):
                     f"{turned} where {placement.fact} holds. Take swept, or turn it by quarters"
                 )
         for skill, visit in _list_visits(self.task):
+            if visit.aside_m is not None:
+                return f"its boxes come from above, and {skill} goes up from below. Take swept"
             hand = hand_direction(self.task.scene, visit)
             for direction, does in ((visit.along, "goes"), (hand, "is held")):
                 if not _is_axis(direction):

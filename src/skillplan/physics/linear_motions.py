@@ -364,7 +364,10 @@ def _plan_stretches(
     if grasp is None or body is None:
         if visit.event is not Event.DRIVE or is_same_direction(visit.along, DOWN):
             return (tip,), (tip,)
-        away = (tip, plus(tip, visit.along, -(visit.insert_m or _SCREW_STRETCH_M)))
+        below = plus(tip, visit.along, -(visit.insert_m or _SCREW_STRETCH_M))
+        if visit.aside_m is None:
+            return (tip, below), (tip, below)
+        away = (tip, below, plus(below, visit.aside_m))
         return away, away
     free_m = body.reach_m(visit.pose, backwards) - dot(tip, backwards) + _STANDOFF_M
     freed = (tip, plus(tip, backwards, free_m))

@@ -115,6 +115,9 @@ class Visit:
         Length of this stretch [m], > 0; None for a default.
     dwell_s
         Time at the target [s], >= 0.
+    aside_m
+        Displacement from below the target to where the hand comes down and goes up again [m]; None
+        above it.
     """
 
     pose: Pose
@@ -124,6 +127,7 @@ class Visit:
     along: Point = DOWN
     insert_m: float | None = None
     dwell_s: float = 0.0
+    aside_m: Point | None = None
 
     def __post_init__(self) -> None:
         if not is_unit(self.along):

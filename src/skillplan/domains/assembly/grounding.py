@@ -19,17 +19,19 @@ from skillplan.domains.assembly.gripping import (
     describe_candidates,
     list_grasps,
 )
+from skillplan.domains.assembly.holding import name_direction
 from skillplan.domains.assembly.insertion import list_pick_visits, list_place_visits
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import FitConfig
 from skillplan.domains.assembly.resting import find_bearers
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kinds, make_point
-from skillplan.domains.assembly.screw_holes import find_driving, find_shank
+from skillplan.domains.assembly.screw_holes import find_driving, find_shank, list_asides_m
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, FIXED, HAND_FREE, HOME, NO_TOOL
 from skillplan.task.cost import Cost, DistanceCost, WeightedCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
+from skillplan.task.pose import unit
 from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.scene import (
     STANDARD_CUP_M,
@@ -227,7 +229,7 @@ class _Grounding:
         routes: Mapping[str | None, Sequence[Visit]],
         parameters: Mapping[str, str],
         forbids: Sequence[str] = (),
-        ways: Sequence[tuple[str, Visit]] = (),
+        ways: Sequence[tuple[str, Visit | tuple[Visit, ...]]] = (),
         carries: str | None = None,
         failure: float = 0.0,
         failed_at: str = "",
@@ -241,7 +243,8 @@ class _Grounding:
         parameters
             Objects of the skill by role, for people and engines.
         ways
-            All visits with their labels if there are several to choose from, preferred first.
+            All visits, or sequences of them, with their labels if there are several to choose from,
+            preferred first.
         failure
             Probability of a failed grasp, in [0, 1): then the arm is at `failed_at`, and nothing
             else changes.
@@ -289,8 +292,8 @@ class _Grounding:
             motion=motion,
             parameters=parameters,
             ways=tuple(
-                Way(label, Motion(robot, (Route(facts.none, (visit,)),), carries))
-                for label, visit in ways
+                Way(label, Motion(robot, (Route(facts.none, _make_tuple(visits)),), carries))
+                for label, visits in ways
             ),
         )
 
@@ -338,7 +341,7 @@ class _Grounding:
         hole = self.layout.hole_pose(screw)
         # The shank leaves its hole on the straight stretch.
         stretch_m = None if screw.length_m is None else max(screw.length_m, _LEAST_STRETCH_M)
-        visits = [
+        drives = [
             Visit(
                 hole,
                 Event.DRIVE,
@@ -346,12 +349,16 @@ class _Grounding:
                 along=screw.direction,
                 insert_m=stretch_m,
                 dwell_s=drive_s,
+                aside_m=aside_m,
             )
+            for aside_m in list_asides_m(config, name)
         ]
+        fetch: tuple[Visit, ...] = ()
         if screw.feeder is not None:
             fetch_s = find_dwell_s("fetch", config.durations_s, *owners)
             feeder = Pose(config.feeders[screw.feeder].position)
-            visits.insert(0, Visit(feeder, Event.FETCH, name, dwell_s=fetch_s))
+            fetch = (Visit(feeder, Event.FETCH, name, dwell_s=fetch_s),)
+        ways = [(_label_aside(drive), (*fetch, drive)) for drive in drives]
         return self._build_skill(
             "fasten",
             name,
@@ -360,7 +367,8 @@ class _Grounding:
             add=[f"fastened({name})"],
             delete=[],
             ends_at=name,
-            routes={None: visits},
+            routes={None: ways[0][1]},
+            ways=ways if len(ways) > 1 else (),
             parameters={"screw": name, "tool": screw.tool, "part": screw.through},
         )
 
@@ -437,6 +445,15 @@ class _Grounding:
         return RewardScheme(
             given.infeasible, given.complete, given.per_cost, given.out_of_time, penalties
         )
+
+
+def _make_tuple(visits: Visit | tuple[Visit, ...]) -> tuple[Visit, ...]:
+    return visits if isinstance(visits, tuple) else (visits,)
+
+
+def _label_aside(visit: Visit) -> str:
+    """Return the side from which a hand comes to a screw from below."""
+    return "" if visit.aside_m is None else f"from {name_direction(unit(visit.aside_m))}"
 
 
 def choose_step_limit(config: AssemblyConfig) -> int:

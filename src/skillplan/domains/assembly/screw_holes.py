@@ -17,10 +17,14 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import find_dwell_s
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.errors import Issue
-from skillplan.task.pose import Pose
+from skillplan.task.pose import Point, Pose
 from skillplan.task.scene import Shank
 
 _TABLE = "the table"
+# Upward component of a direction from which on the hand comes from beside the part.
+_STEEP_UP = 0.5
+# Clearance of an upright hand from the part [m].
+_HAND_M = 0.12
 # Radii of lines within and around the shank, in radii of the shank; number of lines on a ring.
 _WITHIN, _AROUND, _LINES = 0.97, 1.15, 12
 
@@ -111,6 +115,32 @@ def find_shank(config: AssemblyConfig, name: str) -> Shank | None:
         if _overlap(solid, layout.start(body)) and body not in shank.passes
     )
     return replace(shank, passes=(*shank.passes, *stands_in))
+
+
+def list_asides_m(config: AssemblyConfig, name: str) -> list[Point | None]:
+    """Return the displacements from below a screw to where the hand comes down beside its part.
+
+    One for each side of the part, the robot's first; None alone for a screw that the hand reaches
+    from above or from the side.
+    """
+    screw, layout = config.screws[name], get_layout(config)
+    if screw.direction[2] < _STEEP_UP:
+        return [None]
+    x_m, y_m, _ = layout.hole(screw)
+    box = layout.goal(screw.through).box
+    asides: list[Point | None] = [
+        (box.low[0] - x_m - _HAND_M, 0.0, 0.0),
+        (box.high[0] - x_m + _HAND_M, 0.0, 0.0),
+        (0.0, box.low[1] - y_m - _HAND_M, 0.0),
+        (0.0, box.high[1] - y_m + _HAND_M, 0.0),
+    ]
+    base_x_m, base_y_m, _ = config.robot.base_m
+
+    def measure_m(aside_m: Point | None) -> float:
+        assert aside_m is not None
+        return math.hypot(x_m + aside_m[0] - base_x_m, y_m + aside_m[1] - base_y_m)
+
+    return sorted(asides, key=measure_m)
 
 
 class _Lines:
