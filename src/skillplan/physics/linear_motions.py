@@ -469,6 +469,13 @@ def describe_too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
             )
         if grasp.is_inner:
             continue
+        low_m, high_m = (0.0, opening_m) if tool is None else (tool.outer_m or (0.0, opening_m))
+        if grasp.kind is GraspKind.JAWS and grasp.width_m < low_m - _ROUNDING_M:
+            return (
+                f"{visit.subject} is {grasp.width_m:.3f} m wide between the jaws, and they hold "
+                f"{low_m:.3f} m at least; give it another closing axis or another tool"
+            )
+        opening_m = min(opening_m, high_m)
         if grasp.kind is GraspKind.JAWS and grasp.width_m > opening_m + _ROUNDING_M:
             return (
                 f"{visit.subject} is {grasp.width_m:.3f} m wide between the jaws, and they open "

@@ -276,9 +276,9 @@ class Tool:
         a turn, so they are symmetric.
     cups
         Centres of the suction cups from the axis, x y [m].
-    outer_m, inner_m
-        Least and greatest width of a part that the jaws hold from outside, and of a hole that they
-        hold from inside [m]; None if it is not modelled.
+    outer_m
+        Least and greatest width of a part that the jaws hold from outside [m]; None for all that
+        they open.
     """
 
     name: str
@@ -296,7 +296,6 @@ class Tool:
     shapes: tuple[Shape, ...] = ()
     cups: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
     outer_m: tuple[float, float] | None = None
-    inner_m: tuple[float, float] | None = None
 
     @property
     def boxes(self) -> tuple[Box, ...]:

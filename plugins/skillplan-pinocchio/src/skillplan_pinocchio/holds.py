@@ -49,12 +49,15 @@ def _describe(body: Body, grasp: Grasp, tool: Tool | None, hand: Hand) -> str | 
     if tool is None or tool.kind is not ToolKind.SUCTION or tool.envelope is not None:
         # The task does not describe the cup.
         return None
-    seal = _measure_seal(shapes, grasp, tool.cup_m, _BEND * tool.cup_m / 2)
+    seal = min(
+        _measure_seal(shapes, grasp, cup, tool.cup_m, _BEND * tool.cup_m / 2) for cup in tool.cups
+    )
     if seal >= _LEAST_SEAL:
         return None
     return (
-        f"the suction cup covers a hole or an edge of {body.name}: {1 - seal:.0%} of its "
-        f"{tool.cup_m * 1e3:g} mm meet nothing; give at_m of a place on it, or jaws"
+        f"{'the' if len(tool.cups) == 1 else 'a'} suction cup covers a hole or an edge of "
+        f"{body.name}: {1 - seal:.0%} of its {tool.cup_m * 1e3:g} mm meet nothing; give at_m of a "
+        "place on it, or jaws"
     )
 
 
@@ -114,11 +117,19 @@ def _measure_jaw_contact(shapes: Sequence[Shape], grasp: Grasp, hand: Hand) -> t
     return areas[0], areas[1]
 
 
-def _measure_seal(shapes: Sequence[Shape], grasp: Grasp, diameter_m: float, most_m: float) -> float:
+def _measure_seal(
+    shapes: Sequence[Shape],
+    grasp: Grasp,
+    cup: tuple[float, float],
+    diameter_m: float,
+    most_m: float,
+) -> float:
     """Return the share of a suction cup with material beneath it, 0 to 1.
 
     Parameters
     ----------
+    cup
+        Its centre from the axis of the tool, along the closing axis and across it [m].
     shapes
         True shapes in the part's frame.
     most_m
@@ -128,7 +139,9 @@ def _measure_seal(shapes: Sequence[Shape], grasp: Grasp, diameter_m: float, most
     triangles = _view(shapes, frame, np.array(grasp.tip))
     turns = 2 * math.pi * np.arange(_RIM) / _RIM
     rim = np.column_stack([np.cos(turns), np.sin(turns)])
-    rays = np.concatenate([share * diameter_m / 2 * rim for share in _RINGS])
+    # The first axis of the frame is against y of the tool, the second is x.
+    centre = np.array([-cup[1], cup[0]])
+    rays = centre + np.concatenate([share * diameter_m / 2 * rim for share in _RINGS])
     number, height, _ = _trace(rays, triangles)
     return len(np.unique(number[np.abs(height) <= most_m])) / len(rays)
 

@@ -8,7 +8,7 @@ from itertools import combinations, product
 
 from skillplan.collision.boxes import WorldBox, box_at
 from skillplan.collision.solid import TOUCH_M, Solid
-from skillplan.domains.assembly.gripping import find_grasp_issues
+from skillplan.domains.assembly.gripping import choose_tool_kind, find_grasp_issues
 from skillplan.domains.assembly.holding import trace_ray_m
 from skillplan.domains.assembly.insertion import find_insertion_issues
 from skillplan.domains.assembly.layout import LEAST_RIM, get_layout, list_rim
@@ -173,7 +173,10 @@ def _list_places(
     it is beyond the arm's tip, and in some direction.
     """
     robot, layout = config.robot, get_layout(config)
-    beyond_m = {name: tool.measure_beyond_m(robot.hand) for name, tool in config.tools.items()}
+    beyond_m = {
+        name: tool.measure_beyond_m(choose_tool_kind(config, name), robot.hand)
+        for name, tool in config.tools.items()
+    }
     most_m = max(map(abs, beyond_m.values()))
     # The arm is at home at the safe height only.
     yield ("robot", "home_m"), (robot.home_m[0], robot.home_m[1], robot.base_m[2]), 0.0, most_m

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -16,12 +17,17 @@ from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig
+from skillplan.domains.assembly.tool_schema import (
+    ACCELERATION_M_PER_S2,
+    SAFETY_FACTOR,
+    ToolConfig,
+)
 from skillplan.errors import Issue
-from skillplan.physics.linear_motions import find_cup_height_m, grasp_boxes
+from skillplan.physics.linear_motions import grasp_boxes
 from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import Grasp, GraspKind
-from skillplan.task.pose import Pose, dot, plus
-from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind
+from skillplan.task.pose import Pose, cross, dot, plus
+from skillplan.task.scene import ToolKind
 
 # Clearance of the open jaws, both sides together, about a part that fits between them [m].
 _PLAY_M = 0.002
@@ -41,7 +47,7 @@ class _Choice:
     handle: Handle
     given: GraspConfig
     path: tuple[str | int, ...]
-    opening_m: float | None
+    tool: ToolConfig
     hand: Hand
     poses: Mapping[str, Pose]
 
@@ -97,25 +103,9 @@ def _shorten(message: str) -> str:
 
 def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield faults of tools and grasps of parts with known tools."""
-    for name, tool in config.tools.items():
-        if tool.opening_m is not None and choose_tool_kind(config, name) is not ToolKind.GRIPPER:
-            kind = choose_tool_kind(config, name)
-            message = f"a tool of type {kind} has no jaws. Leave it out, or give type: gripper."
-            yield Issue(message, ("tools", name, "opening_m"))
-        for key in ("bit_length_m", "bit_diameter_m", "torque_nm", "speed_rpm"):
-            kind = choose_tool_kind(config, name)
-            if getattr(tool, key) is not None and kind is not ToolKind.SCREWDRIVER:
-                message = f"a tool of type {kind} has no bit. Leave it out."
-                yield Issue(message, ("tools", name, key))
-        yield from _find_length_issues(config, name)
-        if tool.cup_diameter_m is not None:
-            kind = choose_tool_kind(config, name)
-            if kind is not ToolKind.SUCTION:
-                message = f"a tool of type {kind} has no cup. Leave it out, or give type: suction."
-                yield Issue(message, ("tools", name, "cup_diameter_m"))
-            elif tool.envelope_m is not None:
-                message = "give 'envelope_m' or 'cup_diameter_m': the cup is part of the envelope."
-                yield Issue(message, ("tools", name, "cup_diameter_m"))
+    for name in config.tools:
+        for issue in _find_tool_issues(config, name):
+            yield issue.under("tools", name)
     for name, part in config.moved_parts.items():
         if choose_tool_kind(config, part.tool) is ToolKind.SCREWDRIVER:
             message = f"{part.tool!r} is a screwdriver, which holds no part. Name another."
@@ -125,21 +115,68 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
             yield issue.under("parts", name)
 
 
+# Keys of tools that only some types have, with what the others lack.
+_OF_TYPES = {
+    "opening_m": (ToolKind.GRIPPER, "jaws"),
+    "jaw_profile_m": (ToolKind.GRIPPER, "jaws"),
+    "fingers": (ToolKind.GRIPPER, "fingers"),
+    "outer_grip_m": (ToolKind.GRIPPER, "jaws"),
+    "inner_grip_m": (ToolKind.GRIPPER, "jaws"),
+    "bit_length_m": (ToolKind.SCREWDRIVER, "bit"),
+    "bit_diameter_m": (ToolKind.SCREWDRIVER, "bit"),
+    "torque_nm": (ToolKind.SCREWDRIVER, "bit"),
+    "speed_rpm": (ToolKind.SCREWDRIVER, "bit"),
+    "cup_diameter_m": (ToolKind.SUCTION, "cup"),
+    "cups_m": (ToolKind.SUCTION, "cups"),
+    "safety_factor": (ToolKind.SUCTION, "cup"),
+    "acceleration_m_per_s2": (ToolKind.SUCTION, "cup"),
+}
+# Ends of tools by type, for messages.
+_ENDS = {ToolKind.GRIPPER: "fingers", ToolKind.SUCTION: "cup", ToolKind.SCREWDRIVER: "bit"}
+# Keys that the box about a tool replaces.
+_IN_ENVELOPE = {
+    "cup_diameter_m": "the cup is part of the envelope.",
+    "cups_m": "the cups are part of the envelope.",
+    "body": "the body is part of the envelope.",
+}
+
+
+def _find_tool_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+    """Yield keys of a tool that its type does not have, or that exclude each other."""
+    tool, kind = config.tools[name], choose_tool_kind(config, name)
+    for key, (owner, what) in _OF_TYPES.items():
+        if getattr(tool, key) is not None and kind is not owner:
+            words = f"a tool of type {kind} has no {what}. Leave it out, or give type: {owner}."
+            yield Issue(words, (key,))
+        elif getattr(tool, key) is not None and key in _IN_ENVELOPE and tool.envelope_m is not None:
+            yield Issue(f"give 'envelope_m' or {key!r}: {_IN_ENVELOPE[key]}", (key,))
+    if tool.body is not None and tool.envelope_m is not None:
+        yield Issue(f"give 'envelope_m' or 'body': {_IN_ENVELOPE['body']}", ("body",))
+    for key in ("safety_factor", "acceleration_m_per_s2"):
+        if getattr(tool, key) is not None and tool.force_n is None:
+            yield Issue("has no effect without 'force_n', the holding force. Give that.", (key,))
+    for key in ("outer_grip_m", "inner_grip_m"):
+        widths_m = getattr(tool, key)
+        if widths_m is not None and widths_m[0] >= widths_m[1]:
+            yield Issue("the least width comes first, then a greater one.", (key,))
+    yield from _find_length_issues(config, name)
+
+
 def _find_length_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
     """Yield a tool that ends before its own parts would, seen from the flange."""
     tool, hand = config.tools[name], config.robot.hand
     if tool.length_m is None:
         return
     kind = choose_tool_kind(config, name)
-    if kind is ToolKind.GRIPPER:
-        least_m, what = hand.tip_on_flange.xyz_m[2], "the arm's hand, whose body it has"
-    elif kind is ToolKind.SUCTION:
-        least_m, what = find_cup_height_m(tool.cup_diameter_m or STANDARD_CUP_M), "its cup"
-    else:
-        least_m, what = (tool.bit_m or STANDARD_BIT_M)[0], "its bit"
+    least_m, what = tool.measure_end_m(kind, hand), f"its {_ENDS[kind]}"
+    if tool.body is not None:
+        least_m, what = least_m + tool.body.height_m, f"its {_ENDS[kind]} and body"
+    elif kind is ToolKind.GRIPPER:
+        least_m = hand.tip_on_flange.xyz_m[2] + max(0.0, least_m - hand.jaw_m[-1][0])
+        what = "the arm's hand, whose body it has"
     if tool.length_m < least_m - 1e-9:
         message = f"{tool.length_m:g} m is shorter than {what}, {least_m:g} m. Give at least that."
-        yield Issue(message, ("tools", name, "length_m"))
+        yield Issue(message, ("length_m",))
 
 
 def _list_choices(config: AssemblyConfig, name: str) -> list[_Choice]:
@@ -182,7 +219,7 @@ def _make_choice(
     kind = default if grasp.type is None else GraspKind(grasp.type)
     poses = {"at the start": layout.start(name).pose, "at its goal": layout.goal(name).pose}
     handle = Handle(grasp, kind, part.shapes, hand)
-    return _Choice(part, handle, grasp, path, tool.opening_m, hand, poses)
+    return _Choice(part, handle, grasp, path, tool, hand, poses)
 
 
 def _find_part_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
@@ -232,6 +269,7 @@ def _find_faults(choice: _Choice) -> Iterator[Issue]:
 
 def _find_suction_faults(choice: _Choice) -> Iterator[Issue]:
     given, handle = choice.given, choice.handle
+    yield from _find_weak_suction(choice)
     is_for_jaws = {
         # From any side but the top it turns the hand.
         "closing_axis": handle.from_top and given.closing_axis != "auto",
@@ -246,12 +284,55 @@ def _find_suction_faults(choice: _Choice) -> Iterator[Issue]:
             )
             yield Issue(message, (*choice.path, key))
     through = handle.cup_axis()
-    if handle.lands_m(through) is None:
-        yield _report_miss(choice, through, "the suction cup")
+    grasp = handle.grasp()
+    across = cross(grasp.closing, grasp.approach)
+    for x_m, y_m in choice.tool.cups:
+        at = plus(plus(through, grasp.closing, x_m), across, y_m)
+        if handle.lands_m(at) is None:
+            what = "the suction cup" if len(choice.tool.cups) == 1 else "a suction cup"
+            yield _report_miss(choice, at, what)
+            return
+
+
+# Friction of a cup on metal, glass or plastic (Schmalz, theoretical holding force) [-].
+_CUP_FRICTION = 0.5
+_GRAVITY_M_PER_S2 = 9.81
+# Least downward component of an approach at which cups bear a part from above.
+_FROM_ABOVE = 0.99
+
+
+def _find_weak_suction(choice: _Choice) -> Iterator[Issue]:
+    """Yield a part that is too heavy for its suction tool.
+
+    Load cases II and III of Schmalz, "Theoretical holding force of a suction cup": the part hangs
+    below the cups and is accelerated sideways, or it hangs at their side.
+    """
+    tool, mass_kg = choice.tool, choice.part.mass_kg
+    if tool.force_n is None:
+        return
+    factor = SAFETY_FACTOR if tool.safety_factor is None else tool.safety_factor
+    rate = tool.acceleration_m_per_s2
+    rate = ACCELERATION_M_PER_S2 if rate is None else rate
+    approach = choice.handle.approach
+    above = all(pose.rotate(approach)[2] < -_FROM_ABOVE for pose in choice.poses.values())
+    if above:
+        needed_m_per_s2 = _GRAVITY_M_PER_S2 + rate / _CUP_FRICTION
+        words = f"({_GRAVITY_M_PER_S2:g} + {rate:g} / {_CUP_FRICTION:g}) m/s2"
+    else:
+        needed_m_per_s2 = (_GRAVITY_M_PER_S2 + rate) / _CUP_FRICTION
+        words = f"({_GRAVITY_M_PER_S2:g} + {rate:g}) / {_CUP_FRICTION:g} m/s2, from its side"
+    needed_n = factor * mass_kg * needed_m_per_s2
+    if needed_n > tool.force_n + 1e-9:
+        message = (
+            f"{mass_kg:g} kg need {needed_n:.1f} N of suction: {factor:g} (safety) x {mass_kg:g} "
+            f"kg x {words}; {choice.part.tool!r} holds {tool.force_n:g} N. Take another tool or "
+            "more cups."
+        )
+        yield Issue(message, ("mass_kg",))
 
 
 def _find_jaws_faults(choice: _Choice) -> Iterator[Issue]:
-    given, handle, opening_m = choice.given, choice.handle, choice.opening_m
+    given, handle, opening_m = choice.given, choice.handle, choice.tool.opening_m
     if given.depth_m is not None and given.depth_m >= handle.height_m:
         message = (
             f"{given.depth_m:.4f} m below the top of a part {handle.height_m:.4f} m high; the "
@@ -272,6 +353,19 @@ def _find_jaws_faults(choice: _Choice) -> Iterator[Issue]:
         yield from _find_offset(choice, grasp)
     if opening_m is not None and grasp.width_m > opening_m - _PLAY_M + 1e-9:
         yield _report_width(choice, grasp, opening_m)
+    else:
+        yield from _find_width_faults(choice, grasp)
+
+
+def _find_width_faults(choice: _Choice, grasp: Grasp) -> Iterator[Issue]:
+    """Yield a part or wall that is not as wide as the tool holds from outside."""
+    low_m, high_m = choice.tool.outer_grip_m or (0.0, math.inf)
+    if not low_m - 1e-9 <= grasp.width_m <= high_m + 1e-9:
+        message = (
+            f"{grasp.width_m:.3f} m wide where {choice.part.tool!r} holds {low_m:g} to "
+            f"{high_m:g} m from outside. Give another closing axis, or another tool."
+        )
+        yield Issue(message, choice.path if len(choice.path) > 1 else (choice.part.shape_key,))
 
 
 def _find_feature_faults(choice: _Choice) -> Iterator[Issue]:
@@ -290,7 +384,7 @@ def _find_feature_faults(choice: _Choice) -> Iterator[Issue]:
         yield Issue(message, (*choice.path, "hold" if given.at_m is None else "at_m"))
         return
     grasp = handle.jaws()
-    opening_m = min(choice.hand.opening_m, choice.opening_m or choice.hand.opening_m)
+    opening_m = min(choice.hand.opening_m, choice.tool.opening_m or choice.hand.opening_m)
     if given.hold == "wall":
         if grasp.width_m > opening_m - _PLAY_M + 1e-9:
             message = (
@@ -298,9 +392,13 @@ def _find_feature_faults(choice: _Choice) -> Iterator[Issue]:
                 f"of {tool!r} open {opening_m:.3f} m, of which {_PLAY_M:.3f} m are play."
             )
             yield Issue(message, (*choice.path, "hold"))
+        yield from _find_width_faults(choice, grasp)
         return
     fingers_m = 2 * choice.hand.jaw_thickness_m(handle.depth_m(grasp))
     least_m, most_m = fingers_m + _PLAY_M, fingers_m + opening_m
+    if choice.tool.inner_grip_m is not None:
+        low_m, high_m = choice.tool.inner_grip_m
+        least_m, most_m = max(least_m, low_m), min(most_m, high_m)
     if not least_m - 1e-9 <= grasp.width_m <= most_m + 1e-9:
         message = (
             f"the hole is {grasp.width_m:.4f} m wide over the fingers' width, where the jaws of "

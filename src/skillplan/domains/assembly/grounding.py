@@ -42,6 +42,7 @@ from skillplan.task.scene import (
     Robot,
     Scene,
     Tool,
+    ToolKind,
 )
 from skillplan.task.shape import Box, Cylinder
 from skillplan.task.skill import Outcome, Skill, Way
@@ -567,19 +568,23 @@ def _build_fixture(config: AssemblyConfig, name: str) -> Body:
 
 
 def _build_tool(config: AssemblyConfig, name: str) -> Tool:
-    entry = config.tools[name]
+    entry, hand = config.tools[name], config.robot.hand
+    kind = choose_tool_kind(config, name)
     size = entry.envelope_m
     return Tool(
         name,
         f"tool({name})",
         entry.holder,
         None if size is None else Box(make_point(size), (0.0, 0.0, size[2] / 2)),
-        choose_tool_kind(config, name),
+        kind,
         entry.opening_m,
         entry.force_n,
-        entry.hand_on(config.robot.hand),
+        entry.hand_on(hand) if kind is ToolKind.GRIPPER else None,
         entry.mass_kg,
         STANDARD_CUP_M if entry.cup_diameter_m is None else entry.cup_diameter_m,
-        beyond_m=entry.measure_beyond_m(config.robot.hand),
+        beyond_m=entry.measure_beyond_m(kind, hand),
         bit_m=entry.bit_m,
+        shapes=entry.list_shapes(kind, hand),
+        cups=entry.cups,
+        outer_m=entry.outer_m,
     )

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Literal
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
+from skillplan.domains.assembly.part_schema import Shaped
 from skillplan.domains.assembly.schema_types import (
     Extents,
     Height,
@@ -16,18 +20,40 @@ from skillplan.domains.assembly.schema_types import (
     ToolDurations,
     is_absent,
 )
+from skillplan.domains.assembly.tool_models import TOOLS, ToolFileError, read_tool_model
 from skillplan.domains.domain import Strict
-from skillplan.files.schema_errors import Located
-from skillplan.robots.arm_description import Hand
+from skillplan.files.schema_errors import Located, continue_sentence, shown
+from skillplan.physics.linear_motions import find_cup_height_m
+from skillplan.robots.arm_description import Hand, JawProfile
 from skillplan.task.pose import Point
-from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M
+from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind
+from skillplan.task.shape import Box, Mesh, Shape
 
+SAFETY_FACTOR: Final = 2.0
+"""Safety factor of suction for parts that are not smooth and dense (Schmalz, holding forces)."""
+
+ACCELERATION_M_PER_S2: Final = 5.0
+"""Acceleration of a part at a suction tool that a task does not give."""
+
+# Greatest distance of a cup from the place opposite to another one [m].
+_OPPOSITE_M: Final = 1e-6
+# Sides of the prism about a cylinder.
+_SIDES: Final = 16
+# Keys of a tool file that a task's own key replaces.
+_INSTEAD: Final = {"jaw_profile_m": "fingers", "fingers": "jaw_profile_m", "envelope_m": "body"}
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
 
 
 class ToolConfig(Strict):
     """A tool of the changer."""
 
+    # Its keys are in the hash one by one.
+    model: Annotated[str, Field(min_length=1, max_length=4096)] | None = Field(
+        None,
+        exclude=True,
+        description=f"{', '.join(TOOLS)}, or a file of a tool in the task file's folder, or in a "
+        "folder of it; the keys given here come first; left out: none",
+    )
     type: Literal["gripper", "suction", "screwdriver"] | None = Field(
         None,
         description="its type; left out: screwdriver if it only drives screws, else gripper",
@@ -81,6 +107,49 @@ class ToolConfig(Strict):
         description="speed of a screwdriver while it drives a screw in [1/min]; left out: screws "
         "take durations_s.fasten",
     )
+    fingers: Shaped | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="a finger of a gripper, in the keys of a part's shape: x from its face "
+        "outwards, y across, z from its end up; instead of 'jaw_profile_m'",
+    )
+    body: Shaped | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="shape of the tool above its fingers, cups or bit, in the keys of a part's "
+        "shape, from where these end: x along the closing axis, z towards the flange; left out: "
+        "the body of the arm's hand, and a shank of other tools",
+    )
+    cups_m: Annotated[list[Planar], Field(min_length=1, max_length=64)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="centres of the cups of a suction tool from its axis, x y [m]; each has its "
+        "opposite; left out: one on the axis",
+    )
+    safety_factor: Annotated[float, Field(ge=1, le=20)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="of a suction tool, holding force 'force_n' over the force that a part needs, "
+        f"at least; left out: {SAFETY_FACTOR:g} [-]",
+    )
+    acceleration_m_per_s2: Annotated[float, Field(ge=0, le=1000)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="greatest acceleration of a part that the suction tool holds [m/s2]; left out: "
+        f"{ACCELERATION_M_PER_S2:g}",
+    )
+    outer_grip_m: Annotated[list[Height], Field(min_length=2, max_length=2)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="least and greatest width of a part that a gripper holds from outside [m]; "
+        "left out: from 0 to its opening",
+    )
+    inner_grip_m: Annotated[list[Height], Field(min_length=2, max_length=2)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="least and greatest width of a hole that a gripper holds from inside [m]; left "
+        "out: from the thickness of both fingers, opened as wide as they do",
+    )
     holder_m: Planar = Field(description="place of its holder, x y [m]")
     holder_height_m: Height = Field(0.0, description="height of the holder [m]")
     envelope_m: Extents | None = Field(
@@ -98,6 +167,48 @@ class ToolConfig(Strict):
         description="mass on the flange while it is attached [kg]; left out: that of the arm's "
         "hand",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_model(cls, data: Any, info: ValidationInfo) -> Any:
+        """Add the keys of a tool file that the task does not give."""
+        name = data.get("model") if isinstance(data, dict) else None
+        if not isinstance(name, str):
+            return data
+        folder = Path((info.context or {}).get("folder", Path()))
+        try:
+            facts = read_tool_model(folder, name).keys
+        except ToolFileError as error:
+            raise Located(f"{shown(name)}: {continue_sentence(str(error))}", "model") from None
+        instead = {_INSTEAD.get(key) for key in data}
+        return {**{key: value for key, value in facts.items() if key not in instead}, **data}
+
+    @model_validator(mode="after")
+    def _cups_are_opposite(self) -> ToolConfig:
+        for number, (x_m, y_m) in enumerate(self.cups):
+            if all(math.hypot(x_m + x, y_m + y) > _OPPOSITE_M for x, y in self.cups):
+                words = (
+                    f"no cup is opposite to [{x_m:g}, {y_m:g}], at [{-x_m:g}, {-y_m:g}]. Add one: "
+                    "a hand may turn by half a turn."
+                )
+                raise Located(words, "cups_m", number)
+        return self
+
+    @model_validator(mode="after")
+    def _fingers_begin_at_their_end(self) -> ToolConfig:
+        if self.fingers is None:
+            return self
+        if self.jaw_profile_m is not None:
+            raise Located("give 'fingers' or 'jaw_profile_m'.", "fingers")
+        boxes = self.fingers.bounding_boxes
+        behind_m, low_m = (min(_span(box, axis)[0] for box in boxes) for axis in (0, 2))
+        if abs(behind_m) > _OPPOSITE_M or abs(low_m) > _OPPOSITE_M:
+            words = (
+                f"begins {behind_m:g} m behind its face and {low_m:g} m above its end, not at 0. "
+                "Shift it: boxes and meshes have 'centre_m'."
+            )
+            raise Located(words, "fingers")
+        return self
 
     @model_validator(mode="after")
     def _jaws_rise(self) -> ToolConfig:
@@ -126,30 +237,145 @@ class ToolConfig(Strict):
         diameter_m = STANDARD_BIT_M[1] if self.bit_diameter_m is None else self.bit_diameter_m
         return (length_m, diameter_m)
 
-    def measure_beyond_m(self, hand: Hand) -> float:
+    @property
+    def cups(self) -> tuple[tuple[float, float], ...]:
+        """Centres of the cups from the axis [m]."""
+        return tuple((x, y) for x, y in self.cups_m or [[0.0, 0.0]])
+
+    @property
+    def outer_m(self) -> tuple[float, float] | None:
+        """Least and greatest width that a gripper holds from outside [m], if given."""
+        return None if self.outer_grip_m is None else (self.outer_grip_m[0], self.outer_grip_m[1])
+
+    def measure_end_m(self, kind: ToolKind, hand: Hand) -> float:
+        """Return the height above its tip at which fingers, cups or bit end [m]."""
+        if kind is ToolKind.SUCTION:
+            return find_cup_height_m(self.cup_diameter_m or STANDARD_CUP_M)
+        if kind is not ToolKind.GRIPPER:
+            return (self.bit_m or STANDARD_BIT_M)[0]
+        if self.fingers is not None:
+            return self.fingers.height_m
+        return (self.jaw_profile_m or hand.jaw_m)[-1][0]
+
+    def measure_length_m(self, kind: ToolKind, hand: Hand) -> float:
+        """Return the distance from the flange to its tip [m]."""
+        own_m = hand.tip_on_flange.xyz_m[2]
+        if self.length_m is not None:
+            return self.length_m
+        if self.body is not None:
+            return self.measure_end_m(kind, hand) + self.body.height_m
+        if self.fingers is not None and kind is ToolKind.GRIPPER:
+            return own_m + self.fingers.height_m - hand.jaw_m[-1][0]
+        return own_m
+
+    def measure_beyond_m(self, kind: ToolKind, hand: Hand) -> float:
         """Return the distance of its tip beyond the jaws' ends of the arm's hand [m]."""
-        return 0.0 if self.length_m is None else self.length_m - hand.tip_on_flange.xyz_m[2]
+        length_m, own_m = self.measure_length_m(kind, hand), hand.tip_on_flange.xyz_m[2]
+        return 0.0 if length_m == own_m else length_m - own_m
 
     def hand_on(self, hand: Hand) -> Hand | None:
-        """Return the hand that this tool replaces the arm's hand by, or None."""
-        beyond_m = self.measure_beyond_m(hand)
-        if self.jaw_profile_m is None and not beyond_m:
+        """Return the hand that this gripper replaces the arm's hand by, or None."""
+        beyond_m = self.measure_beyond_m(ToolKind.GRIPPER, hand)
+        own = (self.jaw_profile_m, self.fingers, self.body)
+        if own == (None, None, None) and not beyond_m:
             return None
-        opening_m = self.opening_m or hand.opening_m
-        force_n = self.force_n if self.force_n is not None else hand.force_n
-        assert math.isfinite(force_n)
-        rows = hand.jaw_m if self.jaw_profile_m is None else self.jaw_profile_m
-        jaw = [(row[0], row[1], row[2], row[3]) for row in rows]
-        if beyond_m:
+        changes: dict[str, Any] = {
+            "opening_m": self.opening_m or hand.opening_m,
+            "force_n": self.force_n if self.force_n is not None else hand.force_n,
+            "tip_m": hand.tip_m + beyond_m,
+            "beyond_m": beyond_m,
+        }
+        jaw = hand.jaw_m
+        if self.jaw_profile_m is not None:
+            jaw = tuple((row[0], row[1], row[2], row[3]) for row in self.jaw_profile_m)
+        if self.fingers is not None:
+            pieces = self.fingers.convex_shapes
+            jaw = _outline_fingers([piece.box for piece in pieces])
+            changes["jaw_pieces_m"] = tuple(map(list_shape_corners, pieces))
+        elif self.body is None and beyond_m > 0:
             # The fingers reach up to the hand.
             height_m, *section = jaw[-1]
-            jaw.append((height_m + beyond_m, section[0], section[1], section[2]))
-        return replace(
-            hand,
-            jaw_m=tuple(jaw),
-            jaw_corners_m=(),
-            opening_m=opening_m,
-            force_n=force_n,
-            tip_m=hand.tip_m + beyond_m,
-            beyond_m=beyond_m,
-        )
+            jaw = (*jaw, (height_m + beyond_m, section[0], section[1], section[2]))
+        if jaw != hand.jaw_m:
+            changes |= {"jaw_m": jaw, "jaw_corners_m": ()}
+        if self.body is not None:
+            begins_m = hand.tip_m + beyond_m - jaw[-1][0]
+            changes |= _place_body(self.body.convex_shapes, begins_m)
+        return replace(hand, **changes)
+
+    def list_shapes(self, kind: ToolKind, hand: Hand) -> tuple[Shape, ...]:
+        """Return the convex shapes of the body from its tip, each with its half turn."""
+        if self.body is None or kind is ToolKind.GRIPPER:
+            return ()
+        shapes = [
+            _move_shape(shape, self.measure_end_m(kind, hand)) for shape in self.body.convex_shapes
+        ]
+        # A hand may be turned by half a turn, and the tool with it.
+        return tuple(dict.fromkeys([*shapes, *map(_turn_shape, shapes)]))
+
+
+def _outline_fingers(boxes: Sequence[Box]) -> JawProfile:
+    """Return the outline of a finger about the boxes of its pieces, from its end upwards."""
+    heights = sorted({round(height, 9) for box in boxes for height in _span(box, 2)})
+    rows = []
+    for low_m, high_m in pairwise(heights):
+        middle_m = (low_m + high_m) / 2
+        spans = [box for box in boxes if _span(box, 2)[0] < middle_m < _span(box, 2)[1]]
+        if spans:
+            half_m = max(max(map(abs, _span(box, 1))) for box in spans)
+            begin_m, end_m = (
+                min(_span(box, 0)[0] for box in spans),
+                max(_span(box, 0)[1] for box in spans),
+            )
+            rows += [(low_m, half_m, begin_m, end_m), (high_m, half_m, begin_m, end_m)]
+    return tuple(rows)
+
+
+def _span(box: Box, axis: int) -> tuple[float, float]:
+    middle_m, half_m = box.centre[axis], box.size[axis] / 2
+    return middle_m - half_m, middle_m + half_m
+
+
+def _place_body(shapes: Sequence[Shape], begins_m: float) -> dict[str, Any]:
+    """Return the fields of a hand for a body that begins at a depth in the hand's frame [m]."""
+    pieces = tuple(
+        tuple((x_m, y_m, begins_m - z_m) for x_m, y_m, z_m in list_shape_corners(shape))
+        for shape in shapes
+    )
+    corners = [corner for piece in pieces for corner in piece]
+    length_m = max(abs(x_m) for x_m, _, _ in corners)
+    width_m = max(abs(y_m) for _, y_m, _ in corners)
+    depths_m = [depth_m for _, _, depth_m in corners]
+    rows = tuple((depth_m, length_m, width_m) for depth_m in (max(depths_m), min(depths_m)))
+    return {"body_m": rows, "body_corners_m": (), "body_pieces_m": pieces}
+
+
+def list_shape_corners(shape: Shape) -> tuple[Point, ...]:
+    """Return the corners of a convex shape [m]; a cylinder becomes a prism about it."""
+    if isinstance(shape, Mesh):
+        return shape.corners
+    if isinstance(shape, Box):
+        return tuple(product(_span(shape, 0), _span(shape, 1), _span(shape, 2)))
+    radius_m = shape.diameter_m / 2 / math.cos(math.pi / _SIDES)
+    turns = [2 * math.pi * side / _SIDES for side in range(_SIDES)]
+    x_m, y_m, _ = shape.centre
+    return tuple(
+        (x_m + radius_m * math.cos(turn), y_m + radius_m * math.sin(turn), z_m)
+        for turn in turns
+        for z_m in _span(shape.box, 2)
+    )
+
+
+def _move_shape(shape: Shape, up_m: float) -> Shape:
+    if isinstance(shape, Mesh):
+        return replace(shape, corners=tuple((x, y, z + up_m) for x, y, z in shape.corners))
+    x_m, y_m, z_m = shape.centre
+    return replace(shape, centre=(x_m, y_m, z_m + up_m))
+
+
+def _turn_shape(shape: Shape) -> Shape:
+    """Return a shape after half a turn about the axis of the tool."""
+    if isinstance(shape, Mesh):
+        return replace(shape, corners=tuple((-x, -y, z) for x, y, z in shape.corners))
+    x_m, y_m, z_m = shape.centre
+    return replace(shape, centre=(0.0 - x_m, 0.0 - y_m, z_m))
