@@ -10,6 +10,7 @@ from __future__ import annotations
 # Documents that commands print with --format json and save.
 AGREEMENT = "skillplan.agreement/1"
 ARM = "skillplan.arm/1"
+TOOL = "skillplan.tool/1"
 BENCHMARK = "skillplan.benchmark/1"
 BENCHMARK_INSTANCES = "skillplan.benchmark-instances/1"
 CACHE = "skillplan.cache/1"

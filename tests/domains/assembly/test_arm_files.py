@@ -323,7 +323,7 @@ def test_a_picture_of_a_task_is_refused(tmp_path, check):
     (tmp_path / "task.yaml").write_text("kind: assembly\n")
     code, _, err = check(tmp_path / "task.yaml", "--picture", tmp_path / "arm.png")
     assert code == 2
-    assert "--picture draws a robot alone" in err
+    assert "--picture draws a robot or tool alone" in err
 
 
 def test_one_warning_lists_all_assumptions(tmp_path, check):

@@ -1,11 +1,36 @@
 """Tools of the changer: length, shapes and facts, and the checks that follow them."""
 
+import json
+
 import pytest
+from pydantic import ValidationError
 
 from situations import assembly
+from skillplan.cli.app import main
 from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
 from skillplan.physics import plan_linear_motions
+from skillplan.robots import STANDARD_HAND
+from skillplan.task import ToolKind
 
+WEDGE = """v 0 -0.01 0
+v 0 0.01 0
+v 0.01 -0.01 0
+v 0.01 0.01 0
+v 0 -0.01 0.05
+v 0 0.01 0.05
+f 1 2 4 3
+f 1 5 6 2
+f 3 4 6 5
+f 1 3 5
+f 2 6 4
+"""
+OWN = """kind: tool
+name: wedges
+type: gripper
+opening_m: 0.05
+fingers: {meshes: [{file: wedge.obj, centre_m: [0.005, 0, 0.025]}]}
+body: {size_m: [0.08, 0.05, 0.07]}
+"""
 BY_SIDE = {"approach": [1.0, 0.0, 0.0], "closing_axis": "y"}
 
 
@@ -28,6 +53,19 @@ def content_of(tool=None, *, grasp=None, goal_m=(0.5, 0.0), **robot):
         },
         "step_limit": 2,
     }
+
+
+@pytest.fixture
+def check(capsys):
+    """Run ``check`` in this process: exit code, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as ended:
+            main(["check", *map(str, words)])
+        captured = capsys.readouterr()
+        return ended.value.code, captured.out, captured.err
+
+    return call
 
 
 def motions_of(task):
@@ -56,3 +94,97 @@ def test_the_tip_of_a_tool_goes_where_the_hand_would_and_the_arm_stays_behind(gr
         assert motion.tool_tip == pytest.approx(before.tip)
         behind = [a - b for a, b in zip(before.tip, motion.tip, strict=True)]
         assert behind == pytest.approx([beyond_m * axis for axis in motion.points])
+
+
+# Facts of data sheets: type, opening or diameter, force and mass.
+FACTS = {
+    "cup": (ToolKind.SUCTION, 0.030, 42, 0.35),
+    "four_cups": (ToolKind.SUCTION, 0.020, 75, 0.5),
+    "franka_hand": (ToolKind.GRIPPER, 0.080, 70, 0.73),
+    "robotiq_2f85": (ToolKind.GRIPPER, 0.085, 235, 0.925),
+    "robotiq_2f140": (ToolKind.GRIPPER, 0.140, 125, 1.025),
+    "screwdriver_spindle": (ToolKind.SCREWDRIVER, 0.0073, None, 2.5),
+}
+LENGTHS_M = {"franka_hand": 0.11225, "robotiq_2f85": 0.1628, "robotiq_2f140": 0.2328}
+
+
+def test_the_catalogue_has_the_facts_of_data_sheets_and_says_whence(check):
+    _, _, unknown = check("robotiq_2f84")
+    assert "Did you mean 'robotiq_2f85'?" in unknown
+    for name, facts in FACTS.items():
+        code, out, err = check(name, "--format", "json")
+        document = json.loads(out)
+        assert (code, err, document["schema"]) == (0, "", "skillplan.tool/1")
+        assert document["sources"]
+        own = document["facts"]
+        size = next(own[k] for k in ("opening_m", "cup_diameter_m", "bit_diameter_m") if k in own)
+        assert (own["type"], size, own.get("force_n"), own["mass_kg"]) == facts
+        assert own["length_m"] == pytest.approx(LENGTHS_M.get(name, own["length_m"]))
+
+
+def test_keys_of_the_task_come_before_those_of_the_model():
+    content = content_of({"model": "robotiq_2f140", "force_n": 60})
+    (tool,) = assembly(content).scene.robots[0].tools
+    assert (tool.force_n, tool.mass_kg, tool.opening_m) == (60, 1.025, 0.140)
+    assert tool.beyond_m == pytest.approx(0.2328 - 0.11225)
+    spelled_out = AssemblyConfig.model_validate(content).model_dump()
+    assert "model" not in spelled_out["tools"]["hand"]
+
+
+def test_a_file_beside_the_task_is_a_tool(tmp_path, check):
+    """Its meshes are beside it, and its faults have the place where the task names it."""
+    (tmp_path / "tools").mkdir()
+    (tmp_path / "tools" / "wedge.obj").write_text(WEDGE, "utf-8")
+    own = tmp_path / "tools" / "own.yaml"
+    own.write_text(OWN, "utf-8")
+    content = content_of({"model": "tools/own.yaml"})
+    config = AssemblyConfig.model_validate(content, context={"folder": tmp_path})
+    hand = config.tools["hand"].hand_on(STANDARD_HAND)
+    assert [len(piece) for piece in hand.jaw] == [6]
+    assert hand.tip_m == pytest.approx(0.05 + 0.07)
+    own.write_text(OWN.replace("opening_m", "openning_m"), "utf-8")
+    with pytest.raises(ValidationError, match="own.yaml': openning_m"):
+        AssemblyConfig.model_validate(content, context={"folder": tmp_path})
+    code, _, err = check(own)
+    assert (code, "opening_m" in err) == (2, True)
+
+
+def test_suction_bears_mass_and_acceleration_with_a_safety_factor():
+    """The load cases of the maker: below the cup, and at its side."""
+
+    def heaviest(grasp, **tool):
+        content = content_of({"model": "cup", **tool}, grasp=grasp)
+        messages = []
+        for mass_kg in (0.5, 1.0, 1.2):
+            content["parts"]["part"]["mass_kg"] = mass_kg
+            messages.append([message for _, message in issues_of(content)])
+        return [not any("of suction" in line for line in lines) for lines in messages]
+
+    # 42 N / (2 x (9.81 + 5 / 0.5) m/s2) = 1.06 kg
+    assert heaviest({}) == [True, True, False]
+    assert heaviest({}, safety_factor=1, acceleration_m_per_s2=0) == [True] * 3
+    # 42 N / (2 x (9.81 + 5) / 0.5 m/s2) = 0.71 kg
+    assert heaviest({"approach": [1, 0, 0]}) == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("tool", "path", "words"),
+    [
+        ({"bit_length_m": 0.1}, ("bit_length_m",), "has no bit"),
+        ({"cups_m": [[0, 0]]}, ("cups_m",), "has no cups"),
+        ({"outer_grip_m": [0.04, 0.06]}, None, "holds 0.04 to 0.06 m from outside"),
+        ({"length_m": 0.1}, ("length_m",), "shorter than the arm's hand"),
+        ({"type": "suction", "safety_factor": 2}, ("safety_factor",), "without 'force_n'"),
+    ],
+)
+def test_a_key_without_effect_is_a_fault(tool, path, words):
+    found = issues_of(content_of(tool))
+    assert any(words in message for _, message in found)
+    assert path is None or any(place == ("tools", "hand", *path) for place, _ in found)
+
+
+def test_cups_have_opposite_ones_and_all_of_them_land():
+    with pytest.raises(ValidationError, match="no cup is opposite"):
+        AssemblyConfig.model_validate(content_of({"type": "suction", "cups_m": [[0.01, 0.0]]}))
+    cups = {"type": "suction", "cups_m": [[0.02, 0.0], [-0.02, 0.0]]}
+    assert any("nothing of the part" in message for _, message in issues_of(content_of(cups)))

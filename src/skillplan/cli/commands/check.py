@@ -18,7 +18,8 @@ def command(
         typer.Argument(
             metavar="TASK",
             autocompletion=task_files,
-            help="A task file: YAML, or TSPLIB's .sop. Or a robot alone: .urdf, .xacro, or a name.",
+            help="A task file: YAML, or TSPLIB's .sop. Or a robot or tool alone: .urdf, .xacro, "
+            "YAML of kind tool, or a name.",
             show_default=False,
         ),
     ],
@@ -32,7 +33,7 @@ def command(
         typer.Option(
             "--picture",
             metavar="FILE.png",
-            help="Of a robot alone: draw the arm at home.",
+            help="Of a robot or tool alone: draw the arm at home, or the tool.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -49,6 +50,9 @@ def command(
     If TASK is a URDF or xacro file, or an arm's name such as ur10e, the arm is described: joints,
     tip at zero, reach, masses, and what is assumed. --set robot.tip=LINK selects the tip of a file;
     robot.packages and robot.xacro_args work as in a task file.
+
+    If it is a tool file (kind: tool) or a tool's name such as robotiq_2f85, the tool is described:
+    type, length, limits, size and sources.
     """
     from itertools import chain
 
@@ -61,11 +65,11 @@ def command(
     limits.begin(graceful=False)
     if task.lower().endswith((".urdf", ".xacro")) or _is_arm(task):
         return _describe_arm(task, reading, style, picture)
+    if _is_tool(task):
+        return _describe_tool(task, reading, style, picture)
     _refuse_unknown_arm(task)
     if picture is not None:
-        raise OptionError(
-            "--picture draws a robot alone, of a name or from a .urdf or .xacro file."
-        )
+        raise OptionError("--picture draws a robot or tool alone, of a name or from its file.")
     problem = load_file(task, reading, back_ends, warn=False)
     setups = [make_setup(back_ends, task) for task in problem.tasks]
     back_ends_of = [
@@ -92,16 +96,51 @@ def _is_arm(name: str) -> bool:
     return name in ARMS and not os.path.exists(name)
 
 
+def _is_tool(name: str) -> bool:
+    """Return whether a name is that of a tool, or of a YAML file of the kind tool."""
+    import os
+
+    from skillplan.domains.assembly.tool_models import TOOLS, is_tool_file
+
+    return is_tool_file(name) if os.path.exists(name) else name in TOOLS
+
+
 def _refuse_unknown_arm(name: str) -> None:
     """Raise OptionError if a task is no file and resembles the name of an arm."""
     import os
 
+    from skillplan.domains.assembly.tool_models import TOOLS
     from skillplan.errors import nearest
     from skillplan.robots.catalogue import ARMS
 
-    similar = None if "." in name or os.path.exists(name) else nearest(name, ARMS)
+    known = [*ARMS, *TOOLS]
+    similar = None if "." in name or os.path.exists(name) else nearest(name, known)
     if similar is not None:
-        raise OptionError(f"{name}: no such file or arm. Did you mean {similar!r}?")
+        raise OptionError(f"{name}: no such file, arm or tool. Did you mean {similar!r}?")
+
+
+def _describe_tool(path: str, reading: Reading, style: Style, picture: str | None) -> int:
+    """Print the description of a tool alone, and draw it."""
+    from skillplan.cli.output import emit
+    from skillplan.cli.showing import resolve_drawing_paths
+    from skillplan.domains.assembly.tool_summary import summarize_tool
+    from skillplan.records import schemas
+    from skillplan.views.tables.tool import tabulate_tool
+    from skillplan.views.video_file import save_picture
+
+    if reading.settings():
+        raise OptionError("--set changes a task or a robot alone, not a tool: edit its file.")
+    drawn = resolve_drawing_paths(picture, None)
+    summary = summarize_tool(path)
+    if drawn:
+        from skillplan.views.figures.arm_figure import draw_tool
+
+        for option, file in drawn.items():
+            save_picture(draw_tool(summary), file, option)
+    files = list(map(str, drawn.values()))
+    document = {"schema": schemas.TOOL, **summary.document(), "files": files}
+    emit(style, document, tabulate_tool(summary))
+    return 0
 
 
 def _describe_arm(path: str, reading: Reading, style: Style, picture: str | None) -> int:

@@ -143,7 +143,7 @@ class ArmSummary:
                     hull = ConvexHull(corners)
                 except QhullError:
                     continue
-                solids.append((number, corners @ rotation.T + origin, _turn_outward(hull)))
+                solids.append((number, corners @ rotation.T + origin, turn_outward(hull)))
         return solids
 
     def chain_m(self) -> list[list[float]]:
@@ -163,7 +163,7 @@ class ArmSummary:
         return compute_link_frames(self.arm, spread_postures(self.arm, _SAMPLES))[-1]
 
 
-def _turn_outward(hull: Any) -> Triangles:
+def turn_outward(hull: Any) -> Triangles:
     """Return the triangles of a hull, anticlockwise from outside."""
     triangles = hull.simplices.copy()
     a, b, c = (hull.points[triangles[:, number]] for number in range(3))

@@ -104,7 +104,8 @@ def _shorten(message: str) -> str:
 def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield faults of tools and grasps of parts with known tools."""
     for name in config.tools:
-        for issue in _find_tool_issues(config, name):
+        tool, kind = config.tools[name], choose_tool_kind(config, name)
+        for issue in find_tool_issues(tool, kind, config.robot.hand):
             yield issue.under("tools", name)
     for name, part in config.moved_parts.items():
         if choose_tool_kind(config, part.tool) is ToolKind.SCREWDRIVER:
@@ -141,9 +142,14 @@ _IN_ENVELOPE = {
 }
 
 
-def _find_tool_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
-    """Yield keys of a tool that its type does not have, or that exclude each other."""
-    tool, kind = config.tools[name], choose_tool_kind(config, name)
+def find_tool_issues(tool: ToolConfig, kind: ToolKind, hand: Hand) -> Iterator[Issue]:
+    """Yield keys of a tool that its type does not have, or that exclude each other.
+
+    Parameters
+    ----------
+    hand
+        Hand of the arm.
+    """
     for key, (owner, what) in _OF_TYPES.items():
         if getattr(tool, key) is not None and kind is not owner:
             words = f"a tool of type {kind} has no {what}. Leave it out, or give type: {owner}."
@@ -159,15 +165,13 @@ def _find_tool_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
         widths_m = getattr(tool, key)
         if widths_m is not None and widths_m[0] >= widths_m[1]:
             yield Issue("the least width comes first, then a greater one.", (key,))
-    yield from _find_length_issues(config, name)
+    yield from _find_length_issues(tool, kind, hand)
 
 
-def _find_length_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+def _find_length_issues(tool: ToolConfig, kind: ToolKind, hand: Hand) -> Iterator[Issue]:
     """Yield a tool that ends before its own parts would, seen from the flange."""
-    tool, hand = config.tools[name], config.robot.hand
     if tool.length_m is None:
         return
-    kind = choose_tool_kind(config, name)
     least_m, what = tool.measure_end_m(kind, hand), f"its {_ENDS[kind]}"
     if tool.body is not None:
         least_m, what = least_m + tool.body.height_m, f"its {_ENDS[kind]} and body"
@@ -272,7 +276,9 @@ def _find_suction_faults(choice: _Choice) -> Iterator[Issue]:
     yield from _find_weak_suction(choice)
     is_for_jaws = {
         # From any side but the top it turns the hand.
-        "closing_axis": handle.from_top and given.closing_axis != "auto",
+        "closing_axis": handle.from_top
+        and given.closing_axis != "auto"
+        and len(choice.tool.cups) == 1,
         "depth_m": given.depth_m is not None,
         "width_m": given.width_m is not None,
         "hold": given.hold != "outer",
@@ -340,7 +346,8 @@ def _find_jaws_faults(choice: _Choice) -> Iterator[Issue]:
         )
         yield Issue(message, (*choice.path, "depth_m"))
         return
-    if opening_m is None and not given.model_fields_set - {"type"}:
+    is_open = opening_m is None and choice.tool.outer_grip_m is None
+    if is_open and not given.model_fields_set - {"type"}:
         # Neither jaws nor grasp are given.
         return
     if given.hold != "outer":

@@ -7,6 +7,7 @@ except those of its place. The facts of the catalogue come from data sheets, its
 from __future__ import annotations
 
 import posixpath
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -14,7 +15,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from skillplan.errors import TaskError, name_hint
-from skillplan.files.regular_file import CompanionFileError, find_companion, read_companion
+from skillplan.files.regular_file import (
+    CompanionFileError,
+    RefusedFile,
+    find_companion,
+    read_bytes,
+    read_companion,
+)
 from skillplan.files.yaml import MAX_BYTES, YAML_SUFFIXES, parse
 from skillplan.robots import catalogue
 
@@ -26,6 +33,7 @@ TOOLS: Final = tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
 KIND: Final = "tool"
 """Value of `kind` in a tool file."""
 
+_OF_KIND: Final = re.compile(rb"^kind:\s*['\"]?tool['\"]?\s*(#.*)?$", re.MULTILINE)
 # Keys of a tool file that are no keys of a task.
 _ABOUT: Final = ("kind", "name", "sources", "notes")
 # Keys of a tool in a task that belong to the cell.
@@ -80,6 +88,17 @@ def read_tool_model(folder: Path, name: str) -> ToolModel:
     return _read(content, name)
 
 
+def is_tool_file(path: str) -> bool:
+    """Return True if a YAML file says that it is of the kind `tool`."""
+    if not path.endswith(YAML_SUFFIXES):
+        return False
+    try:
+        start = read_bytes(path, MAX_BYTES)
+    except (OSError, RefusedFile):
+        return False
+    return _OF_KIND.search(start) is not None
+
+
 @cache
 def _read_catalogue(name: str) -> ToolModel:
     return _read((_FOLDER / f"{name}.yaml").read_bytes(), name)
@@ -103,6 +122,8 @@ def _read(content: bytes, name: str) -> ToolModel:
     lists = [data.get(key, []) for key in ("sources", "notes")]
     if not all(isinstance(words, list) and all(map(_is_text, words)) for words in lists):
         raise ToolFileError("'sources' and 'notes' are lists of sentences.")
+    if not _is_text(data.get("type")):
+        raise ToolFileError("It does not give 'type', such as type: gripper.")
     title = data.get("name", posixpath.basename(name))
     if not _is_text(title):
         raise ToolFileError("'name' is a text.")

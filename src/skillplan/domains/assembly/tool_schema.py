@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
 from skillplan.domains.assembly.part_schema import Shaped
 from skillplan.domains.assembly.schema_types import (
@@ -22,7 +22,12 @@ from skillplan.domains.assembly.schema_types import (
 )
 from skillplan.domains.assembly.tool_models import TOOLS, ToolFileError, read_tool_model
 from skillplan.domains.domain import Strict
-from skillplan.files.schema_errors import Located, continue_sentence, shown
+from skillplan.files.schema_errors import (
+    Located,
+    continue_sentence,
+    list_schema_issues,
+    shown,
+)
 from skillplan.physics.linear_motions import find_cup_height_m
 from skillplan.robots.arm_description import Hand, JawProfile
 from skillplan.task.pose import Point
@@ -180,8 +185,19 @@ class ToolConfig(Strict):
             facts = read_tool_model(folder, name).keys
         except ToolFileError as error:
             raise Located(f"{shown(name)}: {continue_sentence(str(error))}", "model") from None
+        if name not in TOOLS:
+            cls._check_alone(name, facts, info)
         instead = {_INSTEAD.get(key) for key in data}
         return {**{key: value for key, value in facts.items() if key not in instead}, **data}
+
+    @classmethod
+    def _check_alone(cls, name: str, facts: Mapping[str, Any], info: ValidationInfo) -> None:
+        """Raise the faults of a tool file under the key that names it."""
+        try:
+            cls.model_validate({**facts, "holder_m": [0.0, 0.0]}, context=info.context)
+        except ValidationError as error:
+            issues = "; ".join(map(str, list_schema_issues(error, cls)))
+            raise Located(f"{shown(name)}: {issues}", "model") from None
 
     @model_validator(mode="after")
     def _cups_are_opposite(self) -> ToolConfig:
