@@ -410,6 +410,7 @@ SMALL_MODULES = {
     "skillplan.solvers.learned_model.outcome_table": "a data structure; its importer is the solver",
     "skillplan.views.figures.arm_figure": "one module for each figure",
     "skillplan.views.figures.profile_figure": "one module for each figure",
+    "skillplan.views.tables.tool": "loaded if `check` describes a tool alone",
     "skillplan.views.tables.arm": "loaded if `check` describes a robot alone",
     "skillplan.solvers.mdp.tabular_solver": "enumerates; its importer sweeps over the arrays",
     "skillplan_optuna.journal_file": "checks a file; the sampler chooses settings",

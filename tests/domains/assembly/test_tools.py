@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from situations import assembly
-from skillplan.cli.app import main
+from skillplan.cli import main
 from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
 from skillplan.physics import plan_linear_motions
 from skillplan.robots import STANDARD_HAND
@@ -143,7 +143,7 @@ def test_a_file_beside_the_task_is_a_tool(tmp_path, check):
     assert [len(piece) for piece in hand.jaw] == [6]
     assert hand.tip_m == pytest.approx(0.05 + 0.07)
     own.write_text(OWN.replace("opening_m", "openning_m"), "utf-8")
-    with pytest.raises(ValidationError, match="own.yaml': openning_m"):
+    with pytest.raises(ValidationError, match=r"own.yaml': openning_m"):
         AssemblyConfig.model_validate(content, context={"folder": tmp_path})
     code, _, err = check(own)
     assert (code, "opening_m" in err) == (2, True)

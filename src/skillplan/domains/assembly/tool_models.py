@@ -1,7 +1,7 @@
 """Tools as data: files of the catalogue, and of users, that give the keys of a tool.
 
 A tool file is YAML with ``kind: tool``, a name, sources, and the keys of ``tools.NAME`` in a task
-except those of its place. The facts of the catalogue come from data sheets, its shapes are our own.
+except its place. The facts of the catalogue come from data sheets, its shapes are our own.
 """
 
 from __future__ import annotations
