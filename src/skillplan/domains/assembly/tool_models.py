@@ -101,7 +101,7 @@ def is_tool_file(path: str) -> bool:
 
 @cache
 def _read_catalogue(name: str) -> ToolModel:
-    return _read((_FOLDER / f"{name}.yaml").read_bytes(), name)
+    return _read(read_bytes(_FOLDER / f"{name}.yaml", MAX_BYTES), name)
 
 
 def _read(content: bytes, name: str) -> ToolModel:
