@@ -16,6 +16,7 @@ from skillplan.views.figures import (
     FAILED,
     NOT_SIMULATED,
     NUMBER_PX,
+    SERIES,
     Bend,
     Camera,
     Note,
@@ -82,6 +83,24 @@ def test_a_layout_numbers_every_step_that_moves_the_arm(board, plan):
 
 def test_a_layout_without_a_plan_shows_the_cell(board):
     assert {"pcb", "brace"} <= set(labels(draw_layout(board, [])))
+
+
+def test_a_layout_shows_zones_what_they_do_and_a_legend_within_its_width():
+    """Notes name the effect; strokes of the hatch lie within the zone."""
+    task = load_problem("configs/cell_zones.yaml").task
+    picture = draw_layout(task, [])
+    shown = set(labels(picture))
+    assert {"belt", "view", "curtain", "aisle", "keep-out zone", "slow, 0.25 m/s"} <= shown
+    notes = {note.title for note in picture.notes.values()}
+    assert "the zone view: keeps out load" in notes
+    assert "the zone aisle: 0.25 m/s at most" in notes
+    assert len(paths(picture, "no-fill s-red")) > 20
+    plain = set(labels(draw_layout(load_problem("configs/fixture_cell.yaml").task, [])))
+    assert not plain & {"keep-out zone", "slow, 0.25 m/s"}
+
+
+def test_sixteen_parts_have_sixteen_colours():
+    assert len({COLOURS[role] for role in SERIES}) == 16
 
 
 def test_an_exploded_view_of_many_parts_has_numbers_that_cover_no_other_and_a_legend():

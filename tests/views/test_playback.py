@@ -13,11 +13,12 @@ import pytest
 
 from skillplan.physics import Contact, Sample
 from skillplan.robots import PANDA
-from skillplan.task import Pose
+from skillplan.task import Pose, Zone
 from skillplan.views import (
     Playback,
     Tracks,
     build_hull_mesh,
+    build_prism_mesh,
     coarsen,
     compute_link_frames,
     list_contacts,
@@ -155,6 +156,22 @@ def test_a_document_holds_what_stands_and_what_moves():
     )
     assert [None, 0] == [body["track"] for body in document["bodies"]]
     assert [1, 2, 3, 0, 0, 0, 1] == document["bodies"][1]["goal"]
+
+
+def test_the_prism_of_a_zone_is_closed_and_of_its_volume():
+    """Concave polygons, too."""
+    corners = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 0.5), (0.0, 2.0))
+    points, triangles = build_prism_mesh(Zone("z", corners, 0.0, 9.0), 0.5, 2.5)
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    volume = float((a * np.cross(b, c)).sum() / 6)
+    # A square of 4 m2 less a notch of 2 m x 1.5 m.
+    assert volume == pytest.approx((4.0 - 1.5) * 2.0)
+    edges = [
+        tuple(sorted(edge))
+        for t in triangles.tolist()
+        for edge in zip(t, t[1:] + t[:1], strict=True)
+    ]
+    assert all(edges.count(edge) == 2 for edge in edges)
 
 
 @pytest.mark.parametrize("along", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.6, 0, -0.8)])

@@ -28,6 +28,7 @@ from .playback.document import Playback as Playback
 from .playback.document import make_box as make_box
 from .playback.document import turn_along as turn_along
 from .playback.meshes import build_hull_mesh as build_hull_mesh
+from .playback.meshes import build_prism_mesh as build_prism_mesh
 from .playback.meshes import coarsen as coarsen
 from .playback.meshes import read_obj as read_obj
 from .playback.tracks import FRAMES_PER_S as FRAMES_PER_S
@@ -79,6 +80,7 @@ __all__ = [
     "build_arm_playback",
     "build_hull_mesh",
     "build_precedence_graph",
+    "build_prism_mesh",
     "coarsen",
     "compute_link_frames",
     "draw_exploded_view",

@@ -33,6 +33,7 @@ from .learning_figure import LearningPanel as LearningPanel
 from .learning_figure import draw_learning as draw_learning
 from .picture import COLOURS as COLOURS
 from .picture import NUMBER_PX as NUMBER_PX
+from .picture import SERIES as SERIES
 from .picture import Note as Note
 from .picture import Picture as Picture
 from .picture import place_number_rows as place_number_rows
@@ -63,6 +64,7 @@ __all__ = [
     "NUMBER_PX",
     "PALETTE",
     "RUN_FIGURES",
+    "SERIES",
     "TASK_FIGURES",
     "Bend",
     "Camera",

@@ -51,25 +51,27 @@ def build_hull_mesh(points: Sequence[Sequence[float]]) -> tuple[Numbers, Triangl
 
 
 def build_prism_mesh(zone: Zone, low_m: float, high_m: float) -> tuple[Numbers, Triangles]:
-    """Return a zone between two heights [m] as corners and triangles."""
+    """Return a zone between two heights [m] as corners and outward triangles."""
     import shapely
 
-    outline = list(zone.polygon.normalize().exterior.coords)[:-1]
+    ring = zone.polygon.exterior
+    outline = list(ring.coords if ring.is_ccw else ring.reverse().coords)[:-1]
     count = len(outline)
     caps = shapely.constrained_delaunay_triangles(zone.polygon).geoms
     numbers = {point: number for number, point in enumerate(outline)}
     triangles = []
     for cap in caps:
-        a, b, c = (numbers[point] for point in list(cap.exterior.coords)[:3])
-        triangles += [(a, b, c), (a + count, c + count, b + count)]
+        corners = cap.exterior if cap.exterior.is_ccw else cap.exterior.reverse()
+        a, b, c = (numbers[point] for point in list(corners.coords)[:3])
+        triangles += [(a, c, b), (a + count, b + count, c + count)]
     for number in range(count):
         after = (number + 1) % count
         triangles += [
             (number, after, after + count),
             (number, after + count, number + count),
         ]
-    corners = [(x, y, z) for z in (low_m, high_m) for x, y in outline]
-    return np.array(corners), np.array(triangles, dtype=np.int64)
+    points = [(x, y, z) for z in (low_m, high_m) for x, y in outline]
+    return np.array(points), np.array(triangles, dtype=np.int64)
 
 
 def read_obj(path: Path) -> tuple[Numbers, Triangles]:
