@@ -86,6 +86,16 @@ class Zone:
         triangles = shapely.constrained_delaunay_triangles(self.polygon)
         return tuple(tuple(triangle.exterior.coords[:3]) for triangle in triangles.geoms)
 
+    def cut(
+        self, low: tuple[float, float], high: tuple[float, float]
+    ) -> list[list[tuple[float, float]]]:
+        """Return the outlines of the polygon within a rectangle, for pictures [m]."""
+        import shapely
+
+        visible = shapely.intersection(self.polygon, shapely.box(*low, *high))
+        pieces = getattr(visible, "geoms", [visible])
+        return [[*piece.exterior.coords][:-1] for piece in pieces if piece.area > 0]
+
     def holds(self, point: Point) -> bool:
         """Return True if a point [m] is inside, not on the border."""
         import shapely

@@ -28,10 +28,14 @@ class ZoneConfig(Strict):
         description="corners x y in order [m]; instead of min_m and max_m",
     )
     min_m: Planar | None = Field(
-        None, exclude_if=is_absent, description="least x and y of a rectangle [m]; with max_m"
+        None,
+        exclude_if=is_absent,
+        description="least x and y of a rectangle [m]; left out: polygon_m",
     )
     max_m: Planar | None = Field(
-        None, exclude_if=is_absent, description="greatest x and y of a rectangle [m]; with min_m"
+        None,
+        exclude_if=is_absent,
+        description="greatest x and y of a rectangle [m]; left out: polygon_m",
     )
     height_m: Annotated[list[Coordinate], Field(min_length=1, max_length=2)] | None = Field(
         None,

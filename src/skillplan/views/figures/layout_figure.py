@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
-from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -105,7 +104,7 @@ class _Layout:
         self.starts = task.scene.at(task.initial)
         self.goals = task.scene.at(task.goal.requires)
         self.fixtures = [body.name for body in task.scene.bodies if body.fixed]
-        self.zones: dict[str, Any] = {zone.name: zone.polygon for zone in task.scene.zones}
+        self.zones = {zone.name: zone for zone in task.scene.zones}
         self.low, self.high = self._extent()
         wide_m, tall_m = self.high[0] - self.low[0], self.high[1] - self.low[1]
         room = width_px - 2 * _MARGIN_PX
@@ -159,7 +158,7 @@ class _Layout:
             b + (m - b) * self.robot.reach_m / away for b, m in zip(base, middle, strict=True)
         )
         longest = max(high[0] - low[0], high[1] - low[1])
-        zones = [list(polygon.exterior.coords) for polygon in self.zones.values()]
+        zones = [list(zone.corners) for zone in self.zones.values()]
         for extra in ([base], [(rim[0], rim[1])], *zones):
             wider = _find_bounds([*points, *extra])
             if longest >= _LEAST_SHARE * max(wider[1][0] - wider[0][0], wider[1][1] - wider[0][1]):
@@ -226,12 +225,7 @@ class _Layout:
 
     def _show_zone(self, name: str) -> list[list[Point]]:
         """Return the outlines of a zone within the picture [m]."""
-        # Imported by a task with zones.
-        import shapely
-
-        visible = shapely.intersection(self.zones[name], shapely.box(*self.low, *self.high))
-        pieces = getattr(visible, "geoms", [visible])
-        return [[*piece.exterior.coords][:-1] for piece in pieces if piece.area > 0]
+        return self.zones[name].cut(self.low, self.high)
 
     def _draw_fixtures(self) -> None:
         """Draw fixtures from above, lower ones first."""

@@ -70,13 +70,13 @@ class _Area:
         wide_m, tall_m = max(xs) + pad_m - low[0], max(ys) + pad_m - low[1]
         room = (WIDTH_PX - 2 * _MARGIN_PX, HEIGHT_PX - _HEAD_PX - _FOOT_PX - _MARGIN_PX)
         self.scale = min(room[0] / wide_m, room[1] / tall_m)
-        self._low = low
+        self.low, self.high = low, (low[0] + wide_m, low[1] + tall_m)
         self._left = (WIDTH_PX - self.scale * wide_m) / 2
         self._bottom = _HEAD_PX + (room[1] + self.scale * tall_m) / 2
 
     def pixels(self, point: Sequence[float]) -> Point:
         """Return the pixels of a point [m]."""
-        x, y = point[0] - self._low[0], point[1] - self._low[1]
+        x, y = point[0] - self.low[0], point[1] - self.low[1]
         return (self._left + self.scale * x, self._bottom - self.scale * y)
 
 
@@ -91,6 +91,10 @@ def _draw_cell(picture: Picture, task: Task, state: State) -> None:
     points += [(x, y) for x, y, _ in scene.stations.values()]
     points += [(x, y) for robot in scene.robots for x, y, _ in robot.places.values()]
     area = _Area(points, 0.02)
+    for zone in scene.zones:
+        role = "red" if zone.keeps_out else "orange"
+        for visible in zone.cut(area.low, area.high):
+            picture.polygon([*map(area.pixels, visible)], role, role, 1.0, opacity=0.1)
     for x, y in map(area.pixels, scene.stations.values()):
         picture.polygon(make_rectangle(x - 8, y - 8, x + 8, y + 8), "paper", "muted", 1.0)
     roles = {
@@ -100,9 +104,9 @@ def _draw_cell(picture: Picture, task: Task, state: State) -> None:
 
     def draw(name: str, pose: Pose, opacity: float, *, dashed: bool) -> None:
         for outline in find_outlines(scene.body(name), pose):
-            corners = [*map(area.pixels, outline)]
+            pixels = [*map(area.pixels, outline)]
             fill = None if dashed else roles[name]
-            picture.polygon(corners, fill, roles[name], 1.2, dashed=dashed, opacity=opacity)
+            picture.polygon(pixels, fill, roles[name], 1.2, dashed=dashed, opacity=opacity)
 
     for name, pose in goals.items():
         if poses.get(name) != pose:
