@@ -48,6 +48,11 @@ class HypotheticalStates:
         state = self.task.facts.state(bits)
         for name in skill.precondition.requires:
             state = self._bring(state, name, [])
+        routes = () if skill.motion is None else skill.motion.routes
+        if routes and not any(all(fact in state for fact in route.when) for route in routes):
+            # The first route stands for all, such as the first grasp of a part.
+            for name in routes[0].when:
+                state = self._bring(state, name, [])
         # Facts that the skill forbids, such as a part on it, are removed.
         return state - skill.precondition.forbids
 
@@ -108,6 +113,9 @@ class HypotheticalStates:
         owners = {}
         for fact in self.task.facts.names:
             component = fact.rpartition("(")[2].rstrip(")")
+            if component not in self.task.operations:
+                # Such as the buffer or the grasp of a part.
+                component = component.partition(".")[0]
             if component in self.task.operations and fact not in self.stands:
                 owners[fact] = component
         return owners

@@ -286,9 +286,13 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     impossible: dict[str, str] = {}
     undecided: list[str] = []
     hypothetical = HypotheticalStates(task)
+    # A part with a buffer gets to its goal in several ways, of which no order follows.
+    buffered = {skill.parameters["part"] for skill in task.skills if "buffer" in skill.parameters}
+    undecided += [f"place({name})" for name in task.operations if name in buffered]
     queries = [
         PrecedenceQuery(hypothetical, component, skill)
         for component in task.operations
+        if component not in buffered
         for skill in hypothetical.chain(component)
     ]
     for query, why in zip(queries, run_queries(feasibility, [*map(_derive, queries)]), strict=True):

@@ -35,7 +35,8 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
             _MAX_ISSUES,
         )
     )
-    if not any(issue.path[0] in ("parts", "fixtures", "screws") for issue in issues):
+    sections = ("parts", "fixtures", "screws", "buffers")
+    if not any(issue.path[0] in sections for issue in issues):
         issues += islice(find_geometry_issues(config), _MAX_ISSUES)
         issues += islice(find_zone_issues(config), _MAX_ISSUES)
     return issues
@@ -46,7 +47,7 @@ def _check_names(config: AssemblyConfig) -> Iterator[Issue]:
         message = f"the name {WORLD!r} is taken by the world frame. Choose another."
         yield Issue(message, ("robot", "name"))
     owners: dict[str, str] = {}
-    for section in ("tools", "feeders", "fixtures", "zones", "parts", "screws"):
+    for section in ("tools", "feeders", "fixtures", "zones", "buffers", "parts", "screws"):
         for name in getattr(config, section):
             if name in owners:
                 message = f"the name {name!r} is taken in {owners[name]!r}. Choose another."
@@ -71,6 +72,10 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
         if not part.fixed:
             yield from check(part.tool, config.tools, "tool", *here, "tool")
         yield from check(part.feeder, config.feeders, "feeder", *here, "feeder")
+        for index, buffer in enumerate(part.buffers or ()):
+            yield from check(buffer, config.buffers, "buffer", *here, "buffers", index)
+            if buffer in (part.buffers or [])[:index]:
+                yield Issue(f"{buffer!r} stands twice. Keep one.", (*here, "buffers", index))
         yield from _check_supports(config, name)
         if part.start_on in config.parts and config.parts[part.start_on].feeder is not None:
             message = f"{part.start_on!r} comes from a feeder; nothing can lie on it."
@@ -78,6 +83,13 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
     for name, fixture in config.fixtures.items():
         here = ("fixtures", name)
         yield from check(fixture.stands_on, config.fixtures, "fixture", *here, "stands_on")
+    used = {buffer for part in config.parts.values() for buffer in part.buffers or ()}
+    for name, place in config.buffers.items():
+        here = ("buffers", name)
+        yield from check(place.stands_on, config.fixtures, "fixture", *here, "stands_on")
+        if name not in used:
+            message = f"no part names {name!r} in its 'buffers'. Name it there, or leave it out."
+            yield Issue(message, here, at_key=True)
     for name, screw in config.screws.items():
         here = ("screws", name)
         yield from check(screw.tool, config.tools, "tool", *here, "tool")
@@ -182,6 +194,11 @@ def _find_cycle(predecessors: Mapping[str, list[str]]) -> list[str]:
 
 
 def _check_lists(config: AssemblyConfig) -> Iterator[Issue]:
+    named = [part.buffers or [] for part in config.parts.values()]
+    if any(
+        len(set(names)) < len(names) or not config.buffers.keys() >= set(names) for names in named
+    ):
+        return
     facts = list_facts(config)
     actions = list_actions(config)
     for key, entries, known in (
@@ -218,7 +235,12 @@ def _check_lists(config: AssemblyConfig) -> Iterator[Issue]:
 def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
     """Return the actions that every plan must contain, each with a fact of the goal."""
     jobs = [
-        (f"placed({name})", [f"pick({name})", f"place({name})"], part.tool)
+        (
+            f"placed({name})",
+            # A part with buffers may be picked in several ways.
+            [*([] if part.buffers else [f"pick({name})"]), f"place({name})"],
+            part.tool,
+        )
         for name, part in config.moved_parts.items()
     ]
     jobs += [

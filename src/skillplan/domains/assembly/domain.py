@@ -23,7 +23,10 @@ from skillplan.errors import Issue, OptionError
 from skillplan.task.task import Task
 
 # Section of the file that a fact comes from, by the kind of fact.
-_SECTIONS = {"at_start": "parts", "held": "parts", "placed": "parts", "fastened": "screws"}
+_SECTIONS = {
+    **dict.fromkeys(("at_start", "held", "placed", "in_buffer", "grasp"), "parts"),
+    "fastened": "screws",
+}
 
 
 class AssemblyDomain(Domain):
@@ -75,12 +78,12 @@ class AssemblyDomain(Domain):
         """Return the path of a fact's part or screw, or else of the goal."""
         kind, _, rest = fact.partition("(")
         section = _SECTIONS.get(kind)
-        return ("goal",) if section is None else (section, rest.rstrip(")"))
+        return ("goal",) if section is None else (section, rest.rstrip(")").partition(".")[0])
 
     def locate_skill(self, config: Any, skill: str, *, reach: bool) -> tuple[str | int, ...]:
         """Return the path of the grasp, place or hole to change for a skill."""
         name, _, rest = skill.partition("(")
-        subject = rest.rstrip(")")
+        subject, *where = rest.rstrip(")").split(".")
         if name == "fasten":
             return ("screws", subject, "hole_m")
         if subject not in config.parts:
@@ -88,6 +91,8 @@ class AssemblyDomain(Domain):
         part = config.parts[subject]
         if reach and "grasp" in part.model_fields_set:
             return ("parts", subject, "grasp")
+        if where and where[0] in config.buffers:
+            return ("buffers", where[0])
         if name == "place":
             return ("parts", subject, "goal_m")
         keys = ("start_m", "start_on", "feeder")

@@ -14,7 +14,7 @@ from skillplan.domains.assembly.insertion import find_insertion_issues
 from skillplan.domains.assembly.layout import LEAST_RIM, get_layout, list_rim
 from skillplan.domains.assembly.part_meshes import build_origin_hint, find_piece_issues
 from skillplan.domains.assembly.part_schema import PartConfig, Shaped
-from skillplan.domains.assembly.resting import find_resting_issues
+from skillplan.domains.assembly.resting import find_buffer_issues, find_resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.screw_holes import find_shank_issues
 from skillplan.domains.assembly.screw_schema import ScrewConfig
@@ -69,6 +69,7 @@ def find_geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     yield from find_insertion_issues(config)
     yield from _find_unreachable_places(config)
     yield from find_resting_issues(config)
+    yield from find_buffer_issues(config)
     holes = list(_find_hole_issues(config))
     yield from holes or find_shank_issues(config)
 
@@ -192,6 +193,9 @@ def _list_places(
             key = "start_m" if part.start_m is not None else "start_on"
             yield ("parts", name, key), *_measure_load(layout.start(name), part, spare_m)
         yield ("parts", name, "goal_m"), *_measure_load(layout.goal(name), part, spare_m)
+        for buffer in part.buffers or ():
+            solid = layout.buffered(name, buffer)
+            yield ("buffers", buffer, "at_m"), *_measure_load(solid, part, spare_m)
     for name, screw in config.screws.items():
         yield ("screws", name, "hole_m"), layout.hole(screw), 0.0, abs(beyond_m[screw.tool])
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.cost_schema import CostConfig, compute_fixed_cost, make_metric
@@ -20,7 +21,12 @@ from skillplan.domains.assembly.gripping import (
     list_grasps,
 )
 from skillplan.domains.assembly.holding import name_direction
-from skillplan.domains.assembly.insertion import list_pick_visits, list_place_visits
+from skillplan.domains.assembly.insertion import (
+    list_buffer_visits,
+    list_directions,
+    list_pick_visits,
+    list_place_visits,
+)
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import FitConfig
 from skillplan.domains.assembly.resting import find_bearers
@@ -45,7 +51,7 @@ from skillplan.task.scene import (
     ToolKind,
 )
 from skillplan.task.shape import Box, Cylinder
-from skillplan.task.skill import Outcome, Skill, Way
+from skillplan.task.skill import Case, Outcome, Skill, Way
 from skillplan.task.state import Condition, Facts
 from skillplan.task.task import BackEndChoice, Literal, Precedence, Task
 from skillplan.task.zone import SlowTravel
@@ -196,6 +202,14 @@ class _Grounding:
         for part in config.moved_parts:
             positions[vocabulary.name_start(config, part)] = layout.start(part).pose.position
             positions[f"{part}.goal"] = layout.goal(part).pose.position
+        for part, buffers in vocabulary.list_buffered(config).items():
+            start = layout.start(part).pose.position
+            there: dict[str | None, Point] = {None: start}
+            there |= {buffer: layout.buffered(part, buffer).pose.position for buffer in buffers}
+            known = {f"{part}.{buffer}": there[buffer] for buffer in buffers}
+            known |= {name: there[at] for name, at, _ in vocabulary.list_picks(config, part)}
+            for place in vocabulary.list_pick_places(config, part):
+                positions[place] = known[place]
         for name, tool in config.tools.items():
             positions[f"{name}.holder"] = tool.holder
         for name, screw in config.screws.items():
@@ -206,9 +220,13 @@ class _Grounding:
 
     def _list_skills(self) -> Iterator[Skill]:
         """Yield all skills: picks and places, tool changes, fastenings."""
+        buffered = vocabulary.list_buffered(self.config)
         for name in self.config.moved_parts:
-            yield self._build_pick(name)
-            yield self._build_place(name)
+            if name in buffered:
+                yield from self._build_buffered(name, buffered[name])
+            else:
+                yield self._build_pick(name)
+                yield self._build_place(name)
         for tool in self.config.tools:
             if self.config.tool_change.style == "separate":
                 yield self._build_offload(tool)
@@ -230,7 +248,7 @@ class _Grounding:
         routes: Mapping[str | None, Sequence[Visit]],
         parameters: Mapping[str, str],
         forbids: Sequence[str] = (),
-        ways: Sequence[tuple[str, Visit | tuple[Visit, ...]]] = (),
+        ways: Sequence[tuple[str, Visit | tuple[Visit, ...] | Mapping[str | None, Visit]]] = (),
         carries: str | None = None,
         failure: float = 0.0,
         failed_at: str = "",
@@ -245,7 +263,7 @@ class _Grounding:
             Objects of the skill by role, for people and engines.
         ways
             All visits, or sequences of them, with their labels if there are several to choose from,
-            preferred first.
+            preferred first; or one for each fact that selects it.
         failure
             Probability of a failed grasp, in [0, 1): then the arm is at `failed_at`, and nothing
             else changes.
@@ -293,10 +311,100 @@ class _Grounding:
             motion=motion,
             parameters=parameters,
             ways=tuple(
-                Way(label, Motion(robot, (Route(facts.none, _make_tuple(visits)),), carries))
+                Way(label, Motion(robot, self._list_routes(visits), carries))
                 for label, visits in ways
             ),
         )
+
+    def _list_routes(
+        self, visits: Visit | tuple[Visit, ...] | Mapping[str | None, Visit]
+    ) -> tuple[Route, ...]:
+        facts = self.facts
+        by_fact = visits if isinstance(visits, Mapping) else {None: visits}
+        return tuple(
+            Route(facts.none if fact is None else facts.of(fact), _make_tuple(at))
+            for fact, at in by_fact.items()
+        )
+
+    def _build_buffered(self, name: str, buffers: Sequence[str]) -> Iterator[Skill]:
+        """Yield the skills of a part with buffers: a pick for each grasp, as the state tells it."""
+        config = self.config
+        part = config.parts[name]
+        holds = [
+            f"grasp({name}.{hold})" if hold else None
+            for hold in vocabulary.name_holds(config, name)
+        ]
+        given = [fact for fact in holds if fact is not None]
+        above = [n for n in config.moved_parts if name in self.beneath[n]]
+        has_tool = f"tool({part.tool})"
+        looks = name in vocabulary.list_missed_parts(config)
+        for index, (pick, buffer, _) in enumerate(vocabulary.list_picks(config, name)):
+            visits = list_buffer_visits(config, name, buffer, Event.GRASP)
+            number = index % len(holds)
+            hold, visit = holds[number], visits[number]
+            start = vocabulary.name_start(config, name) if buffer is None else f"{name}.{buffer}"
+            lies = f"at_start({name})" if buffer is None else f"in_buffer({name}.{buffer})"
+            ends_at = start if hold is None else pick
+            yield self._build_skill(
+                "pick",
+                pick,
+                requires=[lies, HAND_FREE, has_tool],
+                forbids=[f"at_start({other})" for other in above if buffer is None],
+                add=[f"held({name})", *([] if hold is None else [hold])],
+                delete=[lies, HAND_FREE],
+                ends_at=ends_at,
+                routes={None: [visit]},
+                parameters={"part": name, "tool": part.tool},
+                failure=part.grasp_failure,
+                failed_at=f"{name}.missed" if looks and buffer is None else start,
+            )
+        for buffer in buffers:
+            others = [
+                f"in_buffer({other}.{buffer})"
+                for other, named in vocabulary.list_buffered(config).items()
+                if other != name and buffer in named
+            ]
+            visits = list_buffer_visits(config, name, buffer, Event.RELEASE)
+            put = self._build_skill(
+                "place",
+                f"{name}.{buffer}",
+                requires=[f"held({name})", has_tool],
+                forbids=others,
+                add=[f"in_buffer({name}.{buffer})", HAND_FREE],
+                delete=[f"held({name})", *given],
+                ends_at=f"{name}.{buffer}",
+                routes={hold: [visit] for hold, visit in zip(holds, visits, strict=True)},
+                parameters={"part": name, "tool": part.tool, "buffer": buffer},
+                carries=name,
+            )
+            yield self._select_by(put, given)
+        placed = [visit for _, visit in list_place_visits(config, name)]
+        by_way = [
+            dict(zip(holds, placed[number :: len(placed) // len(holds)], strict=True))
+            for number in range(len(placed) // len(holds))
+        ]
+        labels = [
+            f"along {name_direction(direction)}" for direction in list_directions(config, name)
+        ]
+        place = self._build_skill(
+            "place",
+            name,
+            requires=[f"held({name})", has_tool],
+            add=[f"placed({name})", HAND_FREE],
+            delete=[f"held({name})", *given],
+            ends_at=f"{name}.goal",
+            routes={hold: [visit] for hold, visit in by_way[0].items()},
+            ways=list(zip(labels, by_way, strict=True)) if len(by_way) > 1 else (),
+            parameters={"part": name, "tool": part.tool},
+            carries=name,
+        )
+        yield self._select_by(place, given)
+
+    def _select_by(self, skill: Skill, holds: Sequence[str]) -> Skill:
+        """Return a skill that is applicable only with one of several grasps, if there are some."""
+        none = self.facts.none
+        cases = tuple(Case(self.facts.of(hold), skill.outcomes, none) for hold in holds)
+        return replace(skill, outcomes=(), cases=cases) if cases else skill
 
     def _build_pick(self, name: str) -> Skill:
         part = self.config.parts[name]
@@ -460,9 +568,9 @@ def _label_aside(visit: Visit) -> str:
 def choose_step_limit(config: AssemblyConfig) -> int:
     """Return the given step limit, or a limit that allows every order.
 
-    That is a pick and a place for every part, a fastening for every screw, and a tool change
-    before each of them and at the end if there are several tools. A part whose grasp may fail is
-    left behind with a probability of 1/1,000 at most.
+    That is a pick and a place for every part, and for each of its buffers, a fastening for every
+    screw, and a tool change before each of them and at the end if there are several tools. A part
+    whose grasp may fail is left behind with a probability of 1/1,000 at most.
     """
     if config.step_limit is not None:
         return config.step_limit
@@ -474,7 +582,20 @@ def choose_step_limit(config: AssemblyConfig) -> int:
         max(1, math.ceil(math.log(_LEFT_BEHIND) / math.log(failure) - 1e-9)) if failure else 1
         for failure in failures
     ]
-    return min(sum(tries) + components + changes * skills_per_change, MOST_STEPS)
+    # One visit to each buffer, with tool changes.
+    visits = sum(map(len, vocabulary.list_buffered(config).values()))
+    changes += 2 * visits if len(config.tools) > 1 else 0
+    most = sum(tries) + components + 2 * visits + changes * skills_per_change
+    return min(most, MOST_STEPS)
+
+
+def _locate_buffers(config: AssemblyConfig) -> dict[str, Point]:
+    """Return the places of buffers, for pictures."""
+    return {
+        buffer: get_layout(config).buffered(part, buffer).pose.position
+        for part, buffers in vocabulary.list_buffered(config).items()
+        for buffer in buffers
+    }
 
 
 def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
@@ -510,6 +631,7 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
         stations={
             **{f"{name}.holder": tool.holder for name, tool in config.tools.items()},
             **{name: feeder.position for name, feeder in config.feeders.items()},
+            **_locate_buffers(config),
         },
         frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base, robot.base_orientation)},
         zones=tuple(zone.build(name) for name, zone in config.zones.items()),
@@ -528,6 +650,10 @@ def _build_part(config: AssemblyConfig, name: str) -> Body:
         else (
             Placement(f"at_start({name})", layout.start(name).pose, solid=part.feeder is None),
             Placement(f"held({name})", Pose((0.0, 0.0, 0.0)), frame=config.robot.name),
+            *(
+                Placement(f"in_buffer({name}.{buffer})", layout.buffered(name, buffer).pose)
+                for buffer in part.buffers or ()
+            ),
             placed,
         ),
         part.mass_kg,

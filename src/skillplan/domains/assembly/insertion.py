@@ -56,6 +56,20 @@ def list_pick_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visit
     ]
 
 
+def list_buffer_visits(
+    config: AssemblyConfig, name: str, buffer: str | None, event: Event
+) -> list[Visit]:
+    """Return the visits of a part in a buffer, or at its start, one for each grasp."""
+    layout, part = get_layout(config), config.parts[name]
+    solid = layout.start(name) if buffer is None else layout.buffered(name, buffer)
+    kind = "pick" if event is Event.GRASP else "place"
+    takes_s = find_dwell_s(kind, config.durations_s, part, config.tools[part.tool])
+    return [
+        Visit(solid.pose, event, name, _get_named(grasp), dwell_s=takes_s)
+        for grasp in list_grasps(config, name)
+    ]
+
+
 def list_place_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visit]]:
     """Return a visit with its label for each grasp and direction of a part at its goal."""
     pose = get_layout(config).goal(name).pose

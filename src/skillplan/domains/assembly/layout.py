@@ -68,6 +68,7 @@ class Layout:
         self._fixtures: dict[str, Solid] = {}
         self._starts: dict[str, Solid] = {}
         self._goals: dict[str, Solid] = {}
+        self._buffered: dict[tuple[str, str], Solid] = {}
         # Start and goal share the shapes: meshes of thousands of corners keep derived data.
         self._shapes: dict[str, tuple[Shape, ...]] = {}
 
@@ -112,6 +113,15 @@ class Layout:
                 name, part.goal_m, part.goal_turn_rad, beneath, overlaps_m=overlaps_m
             )
         return self._goals[name]
+
+    def buffered(self, name: str, buffer: str) -> Solid:
+        """Return a part in a buffer."""
+        key = (name, buffer)
+        if key not in self._buffered:
+            place = self.config.buffers[buffer]
+            beneath = [] if place.stands_on is None else [self.fixture(place.stands_on)]
+            self._buffered[key] = self._place(name, place.at_m, place.turn_rad, beneath)
+        return self._buffered[key]
 
     def hole(self, screw: ScrewConfig) -> Point:
         """Return the mouth of a screw's hole [m]: as given, or at the surface of its part."""

@@ -60,7 +60,7 @@ Names = Annotated[
 # Keys that say how a hand moves a part.
 _MOVED_KEYS = (
     *("tool", "grasp", "grasp_failure", "start_m", "start_on", "feeder", "start_yaw_rad"),
-    *("start_rpy_rad", "insert_along", "insert_m", "durations_s"),
+    *("start_rpy_rad", "insert_along", "insert_m", "durations_s", "buffers"),
 )
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
@@ -423,6 +423,13 @@ class PartConfig(Shaped):
         "world",
         description="the frame of insert_along: the world's, or that of the part at its goal",
     )
+    buffers: Names | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="buffers where it may be put down and taken again, perhaps by another of its "
+        "grasps, a name or a list; the state then tells where it is and by which grasp it is held; "
+        "left out: none",
+    )
     fits: dict[Name, FitConfig] | None = Field(
         None,
         exclude_if=is_absent,
@@ -453,6 +460,12 @@ class PartConfig(Shaped):
             keys = (f"{when}_yaw_rad", f"{when}_rpy_rad")
             if self.model_fields_set.issuperset(keys) and getattr(self, keys[1]) is not None:
                 raise Located(f"give one of {keys[0]!r} and {keys[1]!r}, not both.", keys[1])
+        if self.buffers and self.grasp == "auto":
+            message = (
+                "give a list of grasps, as the state tells by which of them the part is held; "
+                "check lists those that auto keeps of a part without buffers."
+            )
+            raise Located(message, "grasp")
         if "frame" in self.model_fields_set and self.insert_along is None:
             raise Located("says in which frame insert_along is, and there is none.", "frame")
         return self

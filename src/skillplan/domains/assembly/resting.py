@@ -91,6 +91,28 @@ def find_resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
                     yield replace(issue, message=f"{issue.message}{hint}")
 
 
+def find_buffer_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield parts that would be in a fixture, a fixed part or the table in a buffer, or float."""
+    layout = get_layout(config)
+    still = {name: layout.fixture(name) for name in config.fixtures}
+    still |= {name: layout.goal(name) for name, part in config.parts.items() if part.fixed}
+    for name, part in config.moved_parts.items():
+        for index, buffer in enumerate(part.buffers or ()):
+            own = layout.buffered(name, buffer)
+            path = ("parts", name, "buffers", index)
+            for other, solid in {TABLE: get_table(), **still}.items():
+                if own.depth_m(solid) > TOUCH_M:
+                    shown = other if other == TABLE else repr(other)
+                    words = f"{_show_mm(own.way_out_m(solid))} deep in {shown} in buffer {buffer!r}"
+                    yield Issue(f"{name!r} is {words}. Move the buffer.", path)
+            if len(config.buffers[buffer].at_m) == 3:
+                gaps_m = [own.gap_m(solid) for solid in (get_table(), *still.values())]
+                known_m = [gap_m for gap_m in gaps_m if gap_m is not None]
+                if known_m and min(known_m) > TOUCH_M:
+                    words = f"floats {_show_mm(min(known_m))} above all that stays there"
+                    yield Issue(f"{name!r} {words} in buffer {buffer!r}. Lower it.", path)
+
+
 def _collect_starts(config: AssemblyConfig) -> _Stage:
     layout = get_layout(config)
     lying = [name for name, part in config.parts.items() if part.feeder is None]

@@ -10,9 +10,12 @@ from skillplan.domains.assembly.cost_schema import CostChoice
 from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig
 from skillplan.domains.assembly.robot_schema import RobotConfig
 from skillplan.domains.assembly.schema_types import (
+    Angle,
+    Angles,
     DurationsConfig,
     Height,
     Planar,
+    PlanarOrSpatial,
     is_absent,
     is_empty,
 )
@@ -54,6 +57,38 @@ class FeederConfig(Strict):
     def position(self) -> Point:
         """Place where it presents them [m]."""
         return (self.position_m[0], self.position_m[1], self.height_m)
+
+
+class BufferConfig(Strict):
+    """A place where parts are put down in between, one at a time."""
+
+    at_m: PlanarOrSpatial = Field(
+        description="place of the origin of a part there, x y or x y z [m]; without z it rests on "
+        "stands_on, or on the table"
+    )
+    stands_on: Name | None = Field(
+        None, description="the fixture that parts rest on; left out: the table, or what at_m says"
+    )
+    yaw_rad: Angle = Field(0.0, description="yaw of a part there [rad]")
+    rpy_rad: Angles | None = Field(
+        None,
+        description="rotation of a part there about the fixed axes x, y and z in this order [rad]; "
+        "instead of yaw_rad",
+    )
+
+    @model_validator(mode="after")
+    def _one_turn(self) -> BufferConfig:
+        if {"yaw_rad", "rpy_rad"} <= self.model_fields_set and self.rpy_rad is not None:
+            raise Located("give one of 'yaw_rad' and 'rpy_rad', not both.", "rpy_rad")
+        if self.stands_on is not None and len(self.at_m) == 3:
+            raise Located("give x y only, as parts rest on a fixture.", "at_m")
+        return self
+
+    @property
+    def turn_rad(self) -> Point:
+        """Roll, pitch and yaw of a part there [rad]."""
+        roll, pitch, yaw = self.rpy_rad or (0.0, 0.0, self.yaw_rad)
+        return (roll, pitch, yaw)
 
 
 class ChartLine(Strict):
@@ -175,6 +210,12 @@ class AssemblyConfig(Strict):
         exclude_if=is_empty,
         description="zones by name that arm or load stay out of, or in which the arm is slow near "
         "people; left out: none",
+    )
+    buffers: Annotated[dict[Name, BufferConfig], Field(max_length=32)] = Field(
+        {},
+        exclude_if=is_empty,
+        description="places to put parts down in between, by name, for parts that name them in "
+        "'buffers'; left out: none",
     )
     parts: Annotated[dict[Name, PartConfig], Field(min_length=1, max_length=256)] = Field(
         description="parts by name"

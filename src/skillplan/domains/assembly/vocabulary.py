@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from skillplan.domains.assembly.holding import name_side
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.schema_types import make_unit
 from skillplan.task.state import Facts
 
 HAND_FREE = "hand_free"
@@ -16,6 +18,36 @@ FIXED = "fixed"
 def name_start(config: AssemblyConfig, part: str) -> str:
     """Return the name of the place where a part is picked up."""
     return config.parts[part].feeder or f"{part}.start"
+
+
+def list_buffered(config: AssemblyConfig) -> dict[str, list[str]]:
+    """Return the buffers of the parts that have some, by part."""
+    return {name: part.buffers for name, part in config.moved_parts.items() if part.buffers}
+
+
+def name_holds(config: AssemblyConfig, part: str) -> list[str]:
+    """Return short names of the grasps of a part with buffers, in order; "" for its only one."""
+    given = config.parts[part].grasp
+    if not isinstance(given, list) or len(given) == 1:
+        return [""]
+    names: list[str] = []
+    for grasp in given:
+        words = name_side(make_unit(grasp.approach))
+        words += "" if grasp.hold == "outer" else f"_{grasp.hold}"
+        if isinstance(grasp.closing_axis, str) and grasp.closing_axis != "auto":
+            words += f"_{grasp.closing_axis}"
+        name = words.strip("()").replace(" ", "_")
+        names.append(f"{name}_{len(names) + 1}" if name in names else name)
+    return names
+
+
+def list_picks(config: AssemblyConfig, part: str) -> list[tuple[str, str | None, str]]:
+    """Return name, buffer and grasp of each pick of a part; no buffer at its start."""
+    return [
+        (".".join(word for word in (part, buffer, hold) if word), buffer, hold)
+        for buffer in (None, *list_buffered(config).get(part, ()))
+        for hold in (name_holds(config, part) if part in list_buffered(config) else [""])
+    ]
 
 
 def list_missed_parts(config: AssemblyConfig) -> list[str]:
@@ -35,6 +67,8 @@ def list_facts(config: AssemblyConfig) -> Facts:
     places = [HOME]
     for part in config.moved_parts:
         places += [name_start(config, part), f"{part}.goal"]
+    for part in list_buffered(config):
+        places += list_pick_places(config, part)
     places += [f"{tool}.holder" for tool in config.tools]
     places += list(config.screws)
     places += [f"{part}.missed" for part in list_missed_parts(config)]
@@ -52,15 +86,51 @@ def list_facts(config: AssemblyConfig) -> Facts:
     held = tuple(f"held({part})" for part in moved)
     whereabouts = tuple((f"at_start({p})", f"held({p})", f"placed({p})") for p in moved)
     fixed = [FIXED] if config.fixtures else []
-    return Facts(
-        (*parts, *screws, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed),
-        ((HAND_FREE, *held), tuple(tools), tuple(stands), *whereabouts),
+    buffered = {
+        part: [f"in_buffer({part}.{buffer})" for buffer in buffers]
+        for part, buffers in list_buffered(config).items()
+    }
+    holds = {
+        part: [f"grasp({part}.{hold})" for hold in name_holds(config, part) if hold]
+        for part in buffered
+    }
+    whereabouts = tuple(
+        (*group, *buffered.get(part, ())) for part, group in zip(moved, whereabouts, strict=True)
     )
+    more = [fact for facts in (*buffered.values(), *holds.values()) for fact in facts]
+    return Facts(
+        (*parts, *screws, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more),
+        (
+            (HAND_FREE, *held),
+            tuple(tools),
+            tuple(stands),
+            *whereabouts,
+            *(tuple(group) for group in holds.values() if len(group) > 1),
+        ),
+    )
+
+
+def list_pick_places(config: AssemblyConfig, part: str) -> list[str]:
+    """Return the places of the arm of a part with buffers, other than its start and goal.
+
+    A hand at the same target stands elsewhere with another grasp.
+    """
+    places = []
+    for name, buffer, hold in list_picks(config, part):
+        if buffer is not None and f"{part}.{buffer}" not in places:
+            places.append(f"{part}.{buffer}")
+        if hold:
+            places.append(name)
+    return places
 
 
 def list_actions(config: AssemblyConfig) -> list[str]:
     """Return all actions in file order: pick and place by part, tool changes, fastenings."""
-    names = [f"{kind}({part})" for part in config.moved_parts for kind in ("pick", "place")]
+    names = []
+    for part in config.moved_parts:
+        picks = [f"pick({name})" for name, _, _ in list_picks(config, part)]
+        puts = [f"place({part}.{buffer})" for buffer in list_buffered(config).get(part, ())]
+        names += [*picks, *puts, f"place({part})"]
     for tool in config.tools:
         if config.tool_change.style == "separate":
             names.append(f"offload({tool})")
