@@ -276,6 +276,15 @@ def test_a_base_beyond_the_payload_stands_in_place_and_another_part_is_left_out(
     assert other.left_out["top"].kind == "too heavy"
 
 
+def test_a_heavy_part_on_the_base_stands_in_place_too_if_others_need_it():
+    """5.9 kg, without which the lid has nothing to lie on."""
+    block, top = box(0, 0, 0, 70, 200, 86), box(0, 0, 86, 70, 200, 140)
+    task = assembled(("block", block), ("top", top), ("lid", box(0, 0, 140, 60, 60, 150)))
+    parts = task.document["parts"]
+    assert [name for name, part in parts.items() if part.get("fixed")] == ["block", "top"]
+    assert task.skills == ("pick(lid)", "place(lid)")
+
+
 def test_a_tray_keeps_parts_apart_and_within_reach():
     items = [Item(f"part_{n}", (0.04, 0.03, 0.02)) for n in range(10)]
     result = lay_out_table((0.12, 0.10, 0.05), items, reach_m=0.855)

@@ -269,10 +269,9 @@ def command(
     accepts) with its meshes. Parts that one arm cannot place are left out of the task; the report
     gives the reasons. The exit code is 1 if no part is left for a task.
 
-    Each stage is cached, so an interrupted import continues where it stopped. From the planning
-    on, Ctrl-C and --time-limit keep the result so far: parts that were not examined or not tried
-    are left out.
-    Needs the plugin skillplan-cad.
+    Each stage is cached, so an interrupted import continues where it stopped. From the
+    confirmation on, Ctrl-C and --time-limit keep the result so far: parts that were not examined or
+    not tried are left out. Needs the plugin skillplan-cad.
     """
     from skillplan.cli.interruption import handle_signals
     from skillplan.cli.output import emit

@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -69,10 +69,23 @@ class Confirmation:
     ----------
     tolerance_m
         Radius of a blocked disc; each mesh is shrunk by half of it [m].
+    must_stop
+        Returns True once the time is over; the pairs that are left are not tested.
+
+    Attributes
+    ----------
+    left
+        Number of pairs that were not tested in the time.
     """
 
-    def __init__(self, product: Product, tolerance_m: float) -> None:
-        self._product = product
+    def __init__(
+        self,
+        product: Product,
+        tolerance_m: float,
+        must_stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._product, self._must_stop = product, must_stop
+        self.left = 0
         self._inset_m = tolerance_m / 2
         self._trees: dict[str, MeshTree] = {}
 
@@ -99,7 +112,10 @@ class Confirmation:
         blocked: set[tuple[str, str, int]] = set()
         for entry in entries:
             is_tested = not sheets & {entry.part, entry.by}
-            if is_tested and (entry.by, entry.part, entry.direction ^ 1) not in blocked:
+            is_tested = is_tested and (entry.by, entry.part, entry.direction ^ 1) not in blocked
+            if is_tested and self._must_stop():
+                self.left += 1
+            elif is_tested:
                 direction_vector = np.asarray(directions[entry.direction])
                 places = (entry.distance_m + share * self._inset_m for share in _BEYOND)
                 if not any(
@@ -110,6 +126,9 @@ class Confirmation:
             blocked.add((entry.part, entry.by, entry.direction))
         for part, by in touching:
             if sheets & {part, by}:
+                continue
+            if self._must_stop():
+                self.left += 1
                 continue
             for number, direction in enumerate(directions):
                 if (part, by, number) not in blocked and self._collides_on_way(part, by, direction):
@@ -180,14 +199,15 @@ def restore_blocked(content: bytes) -> Blocked:
     )
 
 
-def serialize_doubts(doubts: Sequence[Doubt]) -> bytes:
-    """Serialize doubts."""
-    return json.dumps([asdict(doubt) for doubt in doubts]).encode()
+def serialize_doubts(doubts: Sequence[Doubt], left: int) -> bytes:
+    """Serialize doubts and the number of pairs that were not tested."""
+    return json.dumps({"doubts": [asdict(doubt) for doubt in doubts], "left": left}).encode()
 
 
-def restore_doubts(content: bytes) -> tuple[Doubt, ...]:
-    """Restore doubts from `serialize_doubts`."""
-    return tuple(Doubt(**doubt) for doubt in json.loads(content))
+def restore_doubts(content: bytes) -> tuple[tuple[Doubt, ...], int]:
+    """Restore doubts and a number of pairs from `serialize_doubts`."""
+    document = json.loads(content)
+    return tuple(Doubt(**doubt) for doubt in document["doubts"]), int(document["left"])
 
 
 def _convert_to_tuples(values: dict[str, Any]) -> dict[str, Any]:
@@ -282,6 +302,7 @@ _MOST_BYTES = 1 << 30
 # Raised whenever the same file is read as other parts.
 _FORMAT = 4
 _HASH_BYTES = 32
+_DOUBTS_FORMAT = 1
 
 
 class KeptStages:
@@ -358,6 +379,8 @@ class Findings:
         Parts as drawn.
     materials
         Names of stated materials by part.
+    unconfirmed
+        Number of pairs that shrunk meshes did not test in the time.
     relieved
         Parts whose fits touch instead of overlapping.
     """
@@ -371,10 +394,22 @@ class Findings:
     stages: KeptStages
     read_hash: str
     materials: Mapping[str, str]
+    unconfirmed: int = 0
 
 
-def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
-    """Analyse a file or folder; stages with unchanged input come from the cache."""
+def analyse_product(
+    path: Path,
+    settings: ImportSettings,
+    tell: Tell,
+    confirming: Callable[[], AbstractContextManager[Callable[[], bool]]],
+) -> Findings:
+    """Analyse a file or folder; stages with unchanged input come from the cache.
+
+    Parameters
+    ----------
+    confirming
+        Returns a context for the confirmation, with a function that returns True once it must stop.
+    """
     stages = KeptStages(settings.keep, tell)
     reading, tolerance_m = settings.reading, settings.tolerance_mm / 1000
     content, read_hash = stages.run(
@@ -431,19 +466,23 @@ def analyse_product(path: Path, settings: ImportSettings, tell: Tell) -> Finding
     )
     blocked = restore_blocked(content)
     touching = [contact.parts for contact in joints.contacts if contact.kind != "thread"]
-    content, _ = stages.run(
-        "confirming",
-        {**about, "blocked": blocked_hash, "touching": touching},
-        lambda: serialize_doubts(
-            Confirmation(relieved, tolerance_m).find_doubts(
-                blocked.entries, touching, joints.directions
-            )
-        ),
-    )
+    with confirming() as must_stop:
+        confirmation = Confirmation(relieved, tolerance_m, must_stop)
+
+        def confirm() -> bytes:
+            doubts = confirmation.find_doubts(blocked.entries, touching, joints.directions)
+            return serialize_doubts(doubts, confirmation.left)
+
+        content, _ = stages.run(
+            "confirming",
+            {**about, "blocked": blocked_hash, "touching": touching, "format": _DOUBTS_FORMAT},
+            confirm,
+            lambda: confirmation.left > 0,
+        )
     relation = assemble_relation(product, joints, blocked, tolerance_m, settings.threads)
-    doubts = restore_doubts(content)
+    doubts, left = restore_doubts(content)
     return Findings(
-        product, relieved, joints, blocked, doubts, relation, stages, read_hash, materials
+        product, relieved, joints, blocked, doubts, relation, stages, read_hash, materials, left
     )
 
 

@@ -37,8 +37,8 @@ from skillplan_cad.relation_file import build_relation_document, format_relation
 
 # Largest number of fits printed one by one.
 _NAMED = 4
-# Shares of the time limit after which planning and writing stop; the rest is for the pictures.
-_PLANNING_SHARE, _WRITING_SHARE = 0.6, 0.85
+# Shares of the time limit after which stages stop; the rest is for the pictures.
+_CONFIRMING_SHARE, _PLANNING_SHARE, _WRITING_SHARE = 0.4, 0.6, 0.85
 
 
 def build_report(
@@ -177,8 +177,8 @@ def import_cad(
     draw
         Draws the pictures and the page; None for none.
     stopping
-        Returns a context for planning and writing, with a function that returns True once a share
-        of the time limit is over, or after Ctrl-C.
+        Returns a context for confirming, planning and writing, with a function that returns True
+        once a share of the time limit is over, or after Ctrl-C.
 
     Raises
     ------
@@ -187,7 +187,13 @@ def import_cad(
     """
     settings = parse_settings(given)
     path, folder = Path(source), check_output_folder("--out", out)
-    findings = analyse_product(path, settings, tell)
+
+    @contextmanager
+    def confirming() -> Iterator[Callable[[], bool]]:
+        with stopping() as must_stop:
+            yield partial(must_stop, _CONFIRMING_SHARE)
+
+    findings = analyse_product(path, settings, tell, confirming)
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_describe_missing_base(settings.base, relation))

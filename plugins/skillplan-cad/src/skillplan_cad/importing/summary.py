@@ -230,6 +230,11 @@ def list_warnings(findings: Findings, gaps: Sequence[Gap]) -> list[str]:
     ]
     if relation.sensitive:
         messages.append(_warn_of_tolerance(relation.sensitive))
+    if findings.unconfirmed:
+        messages.append(
+            f"{findings.unconfirmed} pairs were not confirmed by shrunk meshes in the time: their "
+            "blockings rest on rays alone."
+        )
     doubts = [_warn_of_doubt(doubt, relation) for doubt in findings.doubts]
     return [*messages, *shorten_list(doubts, "doubts")]
 

@@ -44,6 +44,8 @@ TIPS_PROFILE_M = (
 
 # Area of each jaw and distance from the centre of mass of a grasp that comes before a cup [m2, m].
 _GOOD_M2, _NEAR_M = 6e-6, 0.012
+# Least share of the product's mass of a part that stands there from the start beside the base.
+_FRAME_SHARE = 0.15
 # Arm to try if a place is out of reach.
 _LONG_ARM = "ur10e"
 _SIDES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
@@ -146,6 +148,7 @@ class PartHolds:
         self._chosen: dict[str, Held] = {}
         self._failures: dict[str, Failure] = {}
         self._order: tuple[str, ...] = ()
+        self._on: Mapping[str, tuple[str, ...]] = {}
         self.fixed: dict[str, str] = {}
 
     def held(self, name: str) -> Held:
@@ -165,11 +168,12 @@ class PartHolds:
     def choose(self, bearing: Bearing) -> dict[str, LeftOut]:
         """Choose tools for the parts that stand; return those that the arm cannot hold.
 
-        The base is fixed instead.
+        The base is fixed instead, and so is a heavy part on it that others need.
         """
-        self._order = bearing.order
+        self._order, self._on = bearing.order, bearing.on
         if bearing.order and self._base not in bearing.order:
-            self._base = bearing.order[0]
+            grounded = [name for name in bearing.order if not bearing.on[name]]
+            self._base = max(grounded, key=lambda name: self._get_part(name).mass_kg)
         unheld: dict[str, LeftOut] = {}
         for name in bearing.order:
             if name in self._chosen or name in self.fixed:
@@ -227,11 +231,23 @@ class PartHolds:
         return {name: LeftOut(name, "no grasp", words)}
 
     def _fix(self, name: str, words: str) -> bool:
-        """Put the base in place from the start; return False for other parts."""
-        if name != self._base or name in self._relation.driven:
+        """Put the base, or a heavy part on it, in place from the start; False for other parts."""
+        if name in self._relation.driven:
+            return False
+        if name != self._base and not self._is_frame(name):
             return False
         self.fixed[name] = f"stands in place from the start: it {words}"
         return True
+
+    def _is_frame(self, name: str) -> bool:
+        """Return whether a part is heavy, is needed, and stands on the table or on fixed parts."""
+        if any(bearer not in self.fixed for bearer in self._on.get(name, ())):
+            return False
+        whole_kg = sum(part.mass_kg for part in self._product)
+        joins = {join for fastener in self._relation.fasteners for join in fastener.joins}
+        needed = joins.union(*self._on.values())
+        is_heavy = self._get_part(name).mass_kg >= _FRAME_SHARE * whole_kg
+        return is_heavy and name in needed
 
     def _list_holds(self, part: Part) -> Iterator[Held]:
         bottom = np.array(self._upright.bottom(part))

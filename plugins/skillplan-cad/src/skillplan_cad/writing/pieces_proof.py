@@ -145,7 +145,8 @@ class PieceProof:
             self._loosen(name, pieces_of[name])
         if pieces_of:
             self._test(pieces_of.keys())
-            coarse = {name for pair in self._wrong for name in (pair.part, pair.by)} - self._fine
+            wrong = {name for pair in self._wrong for name in (pair.part, pair.by)}
+            coarse = (wrong & self._loosened.keys()) - self._fine
             self._fine |= coarse
             self._cut_finer(coarse)
         return self._list_proved().of(meshes)
