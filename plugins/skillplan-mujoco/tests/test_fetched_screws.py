@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import sys
 from typing import Any
 
 import pytest
 
-from situations import assembly, fetching_board
+from situations import assembly, config_content, fetching_board
+from skillplan.collision import AabbDetector
 from skillplan.pipeline import Setup, make_model
 from skillplan.task import Verdict
 
@@ -105,7 +107,13 @@ def bridge(height_m: float) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(("height_m", "is_free"), [(0.014, True), (0.025, False)])
+@pytest.mark.parametrize(
+    ("height_m", "is_free"),
+    [
+        (0.025, False),
+        pytest.param(0.014, True, marks=pytest.mark.slow(reason="free in the cells of this page")),
+    ],
+)
 def test_a_shank_runs_into_what_is_below_its_part(height_m, is_free, setup):
     # The shank ends 18 mm above the table.
     task = assembly(bridge(height_m))
@@ -119,3 +127,48 @@ def test_a_shank_runs_into_what_is_below_its_part(height_m, is_free, setup):
     )
     verdict = make_model(task, setup).verdict(task.facts.of(*facts), task.skill("fasten(screw)"))
     assert verdict.is_feasible is is_free, verdict.reason
+
+
+ALL_ROUND = config_content("cell_screws")
+IN_PLACE = [f"placed({name})" for name in ALL_ROUND["parts"]]
+
+
+def verdict_in_cell(skill: str, setup: Setup, **driver: Any) -> Verdict:
+    """Return the verdict on driving a screw of the cell, all parts in place."""
+    content = copy.deepcopy(ALL_ROUND)
+    content["tools"]["driver"] |= driver
+    task = assembly(content)
+    state = task.facts.of(*IN_PLACE, "hand_free", "tool(driver)", "at(driver.holder)", "fixed")
+    return make_model(task, setup).verdict(state, task.skill(skill))
+
+
+@pytest.mark.parametrize(
+    "back_end",
+    [
+        "swept",
+        pytest.param("pybullet", marks=pytest.mark.slow(reason="one of three; swept in every run")),
+        pytest.param("mujoco", marks=pytest.mark.slow(reason="one of three; swept in every run")),
+    ],
+)
+@pytest.mark.parametrize(
+    "skill",
+    [
+        "fasten(below_1)",
+        pytest.param("fasten(side)", marks=pytest.mark.slow(reason="from below in every run")),
+        pytest.param("fasten(top_1)", marks=pytest.mark.slow(reason="from below in every run")),
+    ],
+)
+def test_screws_go_in_from_below_from_the_side_and_from_above(skill, back_end):
+    if back_end == "pybullet":
+        pytest.importorskip("pybullet")
+    verdict = verdict_in_cell(skill, BACK_ENDS[back_end])
+    assert verdict.is_feasible, verdict.reason
+
+
+def test_the_bit_is_long_enough_to_pass_a_wall():
+    short = verdict_in_cell("fasten(top_1)", BACK_ENDS["swept"], bit_length_m=0.04)
+    assert "driver runs into wall" in short.reason
+
+
+def test_boxes_refuse_screws_from_below():
+    assert "goes up from below" in AabbDetector(assembly(ALL_ROUND)).refuses()

@@ -8,9 +8,10 @@ import math
 
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import assembly
 from skillplan import Setup, load_problem, make_model, solve
 from skillplan.collision import Solid
@@ -94,6 +95,7 @@ def test_mass_follows_from_the_size_unless_it_is_given():
     assert screw_of(head_diameter_m=0.009).head_diameter_m == 0.009
 
 
+@settings(max_examples=examples(12))
 @given(
     length_mm=st.integers(10, 30), pitch_um=st.integers(300, 2000), speed_rpm=st.integers(50, 900)
 )
@@ -197,13 +199,15 @@ def test_a_shank_that_stands_out_below_runs_into_what_lies_there():
 @pytest.fixture
 def flange_file(tmp_path):
     """A file of a lid with a flange: a hole of 6.6 mm in it, and a roof 30 mm high beside it."""
-    trimesh.creation.annulus(0.0033, 0.02, 0.006).export(tmp_path / "flange.stl")
-    trimesh.creation.box([0.01, 0.02, 0.03]).export(tmp_path / "roof.stl")
+    sizes_m = {"beside": [0.0167, 0.04, 0.006], "before": [0.0066, 0.0167, 0.006]}
+    for name, size_m in {**sizes_m, "roof": [0.01, 0.02, 0.03]}.items():
+        trimesh.creation.box(size_m).export(tmp_path / f"{name}.stl")
     content = content_of(into=None, size="M6", hole_m=[0.5, 0.0], length_m=0.006)
     content["parts"]["lid"] = {
         "tool": "cup",
         "meshes": [
-            {"file": "flange.stl", "centre_m": [0, 0, 0.003]},
+            *({"file": "beside.stl", "centre_m": [x_m, 0, 0.003]} for x_m in (-0.01165, 0.01165)),
+            *({"file": "before.stl", "centre_m": [0, y_m, 0.003]} for y_m in (-0.01165, 0.01165)),
             {"file": "roof.stl", "centre_m": [0.02, 0, 0.015]},
         ],
         "grasp": {"at_m": [0.02, 0.0]},
