@@ -2,8 +2,8 @@
 
 Back ends check one motion at a time: a variant, which is a skill with a name of its own. The state
 alone determines the variant that is executed (the Markov contract). If a part has several grasps,
-the first grasp that allows both pick *and* place is taken. The hand does nothing else between the
-two, so each of their states determines the other.
+one that allows both pick *and* place is taken: the cheapest, or the first if all cost the same. The
+hand does nothing else between the two, so each of their states determines the other.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ def choose_variant(
         return verdicts.refuse() if chosen is None else verdicts.grant(chosen.label)
     if skill.name == pairing.place.name:
         return _decide_place(variants, pairing, decide, state, prices)
-    return _decide_pick(variants, pairing, decide, state)
+    return _decide_pick(variants, pairing, decide, state, prices)
 
 
 def _choose_cheapest(
@@ -229,70 +229,128 @@ def _choose_cheapest(
     variants: Sequence[Variant],
     state: State,
     prices: Prices | None,
+    settled: int = 0,
 ) -> Variant | None:
-    """Return the cheapest feasible variant, the first of equal cost, or None."""
+    """Return the cheapest feasible variant, the first of equal cost, or None.
+
+    Parameters
+    ----------
+    settled
+        Bits of facts that are given by the skill's being applicable.
+    """
     feasible = []
     for variant in variants:
         verdict = decide(variant.skill, state)
-        if verdicts.note(variant.label, verdict) is VerdictStatus.FEASIBLE:
+        if verdicts.note(variant.label, verdict, settled) is VerdictStatus.FEASIBLE:
             if prices is None:
                 return variant
             feasible.append(variant)
     if prices is None or len(feasible) < 2:
         return feasible[0] if feasible else None
-    verdicts.rest_on(prices.basis)
+    verdicts.rest_on(prices.basis & ~settled)
     cost = prices.cost
     return min(feasible, key=lambda variant: cost(variant.skill, state))
+
+
+class _Grasps:
+    """The grasps of a pairing that allow both pick and place, the one to take first.
+
+    That is the preferred one, or the one whose pick and place cost least. The pick is counted from
+    above the part, because the state of the place does not show where the arm came from.
+
+    Parameters
+    ----------
+    before, held
+        States of the pick, with the arm over the part, and of the place.
+    settled
+        Bits of facts that are given by the applicable skill's pick, and by its place.
+    """
+
+    def __init__(
+        self,
+        verdicts: VariantVerdicts,
+        decide: Decide,
+        pairing: Pairing,
+        before: State,
+        held: State,
+        settled: tuple[int, int],
+        prices: Prices | None,
+    ) -> None:
+        self._verdicts, self._decide, self._pairing = verdicts, decide, pairing
+        self._before, self._held, self._settled, self._prices = before, held, settled, prices
+
+    def __iter__(self) -> Iterator[tuple[Variant, Variant]]:
+        prices = self._prices
+        if prices is None:
+            yield from self._feasible()
+            return
+        found = list(self._feasible())
+        if len(found) > 1:
+            # Both states give the cost, whichever skill is decided.
+            self._verdicts.rest_on(prices.basis & ~self._settled[0])
+            found.sort(
+                key=lambda pair: (
+                    prices.cost(pair[0].skill, self._before)
+                    + prices.cost(pair[1].skill, self._held)
+                )
+            )
+        yield from found
+
+    def _feasible(self) -> Iterator[tuple[Variant, Variant]]:
+        """Yield pick and place by each grasp that allows both, the preferred one first."""
+        for grasp in self._pairing.grasps:
+            (pick,) = grasp.picks
+            verdict = self._decide(pick.skill, self._before)
+            status = self._verdicts.note(pick.label, verdict, self._settled[0])
+            if status is not VerdictStatus.FEASIBLE:
+                continue
+            place = _choose_cheapest(
+                self._verdicts,
+                self._decide,
+                grasp.places,
+                self._held,
+                self._prices,
+                self._settled[1],
+            )
+            if place is not None:
+                yield pick, place
 
 
 def _decide_place(
     variants: SkillVariants, pairing: Pairing, decide: Decide, state: State, prices: Prices | None
 ) -> Verdict:
-    """Return the verdict on a place; its grasp is the first that allows pick and place."""
+    """Return the verdict on a place, by the grasp that the pick took."""
     verdicts = VariantVerdicts(pairing.place, state)
     before = variants.before_pick(pairing, state)
     settled = variants.settled(pairing, pairing.place)
-    for grasp in pairing.grasps:
-        (pick,) = grasp.picks
-        verdict = decide(pick.skill, before)
-        if verdicts.note(pick.label, verdict, settled) is not VerdictStatus.FEASIBLE:
-            continue
-        chosen = _choose_cheapest(verdicts, decide, grasp.places, state, prices)
-        if chosen is not None:
-            return verdicts.grant(chosen.label)
+    grasps = _Grasps(verdicts, decide, pairing, before, state, (settled, 0), prices)
+    for _, place in grasps:
+        return verdicts.grant(place.label)
     return verdicts.refuse()
 
 
 def _decide_pick(
-    variants: SkillVariants, pairing: Pairing, decide: Decide, state: State
+    variants: SkillVariants, pairing: Pairing, decide: Decide, state: State, prices: Prices | None
 ) -> Verdict:
     """Return the verdict on a pick, with the grasp that the following place takes."""
     verdicts = VariantVerdicts(pairing.pick, state)
     held = pairing.pick.prediction_in(state).apply(state)
     before = variants.before_pick(pairing, held)
     settled = variants.settled(pairing, pairing.pick)
+    grasps = _Grasps(verdicts, decide, pairing, before, held, (settled, settled), prices)
     grasp_of_place: str | None = None
-    for grasp in pairing.grasps:
-        (pick,) = grasp.picks
-        verdict = decide(pick.skill, before)
-        can_pick = verdicts.note(pick.label, verdict, settled) is VerdictStatus.FEASIBLE
-        for place in grasp.places if can_pick else ():
-            verdict = decide(place.skill, held)
-            if verdicts.note(place.label, verdict, settled) is not VerdictStatus.FEASIBLE:
-                continue
-            verdict = decide(pick.skill, state)
-            feasible = verdicts.note(f"{pick.label} from here", verdict) is VerdictStatus.FEASIBLE
-            if feasible and grasp_of_place is None:
-                return verdicts.grant(pick.label)
-            if feasible:
-                reason = (
-                    f"{pick.label} could be taken from here, and the place would take "
-                    f"{grasp_of_place}"
-                )
-                return Verdict.unknown(reason).grounded(state, verdict.stage)
-            # The state after the pick does not show that another grasp was taken.
-            grasp_of_place = grasp_of_place or pick.label
-            break
+    for pick, _ in grasps:
+        verdict = decide(pick.skill, state)
+        feasible = verdicts.note(f"{pick.label} from here", verdict) is VerdictStatus.FEASIBLE
+        if feasible and grasp_of_place is None:
+            return verdicts.grant(pick.label)
+        if feasible:
+            reason = (
+                f"{pick.label} could be taken from here, and the place would take {grasp_of_place}"
+            )
+            return Verdict.unknown(reason).grounded(state, verdict.stage)
+        # The state after the pick does not show that another grasp was taken.
+        grasp_of_place = grasp_of_place or pick.label
     return verdicts.refuse()
 
 
