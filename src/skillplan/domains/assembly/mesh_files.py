@@ -88,7 +88,12 @@ class Polyhedron:
 
 
 def build_polyhedron(
-    raw_corners: Floats, raw_faces: Indices, sha256: str, middle: Floats | None = None
+    raw_corners: Floats,
+    raw_faces: Indices,
+    sha256: str,
+    middle: Floats | None = None,
+    *,
+    is_connected: bool = False,
 ) -> Polyhedron:
     """Return a checked polyhedron.
 
@@ -100,6 +105,8 @@ def build_polyhedron(
         Three indices of corners for each face, shape (m, 3).
     sha256, middle
         See `Polyhedron`; None for the origin.
+    is_connected
+        True if the faces are known to form one connected body.
 
     Raises
     ------
@@ -115,7 +122,7 @@ def build_polyhedron(
             f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
         )
     corners, faces = _separate_bodies(corners, faces)
-    surface = _orient_outward(corners, faces)
+    surface = _orient_outward(corners, faces, is_connected=is_connected)
     faces = np.asarray(surface.faces)
     longest_m = float(size.max())
     volume_m3 = float(surface.volume)
@@ -209,7 +216,9 @@ def _pair_at_shared_edges(corners: Floats, faces: Indices) -> Iterator[tuple[int
                 yield first, second
 
 
-def _orient_outward(corners: Floats, faces: Indices) -> trimesh.Trimesh:
+def _orient_outward(
+    corners: Floats, faces: Indices, *, is_connected: bool = False
+) -> trimesh.Trimesh:
     """Return the surface with its faces turned outward, each connected body by itself."""
     surface = trimesh.Trimesh(corners, faces, process=False)
     if not surface.is_watertight:
@@ -221,7 +230,7 @@ def _orient_outward(corners: Floats, faces: Indices) -> trimesh.Trimesh:
     repair.fix_winding(surface)
     if not surface.is_winding_consistent:
         raise MeshFileError("It has no outside: its faces cannot all be turned outward. Repair it.")
-    repair.fix_inversion(surface, multibody=True)
+    repair.fix_inversion(surface, multibody=not is_connected)
     return surface
 
 
@@ -666,8 +675,12 @@ def _parse_pieces(
         raise MeshFileError(f"It holds {len(groups):,} pieces; give 1 to {MAX_PIECES:,}.", "pieces")
     pieces = []
     for number, faces in enumerate(groups, 1):
+        # Corners of all pieces would be sorted for every piece.
+        used, own_faces = np.unique(faces, return_inverse=True)
         try:
-            piece = build_polyhedron(corners, faces, "")
+            piece = build_polyhedron(
+                corners[used], own_faces.reshape(-1, 3), "", is_connected=True
+            )
         except MeshFileError as error:
             raise MeshFileError(f"Piece {number}: {error}", "pieces") from None
         if not piece.convex:
