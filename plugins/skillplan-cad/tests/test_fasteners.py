@@ -134,6 +134,15 @@ def test_a_name_counts_only_if_the_shape_agrees(tmp_path):
     ]
 
 
+def test_a_rod_with_a_head_and_a_tapped_end_is_no_screw_if_it_is_named_a_rod(tmp_path):
+    """Spring rods of pedals have the features of screws, but nobody drives them."""
+    kinds = [
+        [item.kind for item in find(tmp_path / name, screwed(name=name)).fasteners]
+        for name in ("spring rod", "element")
+    ]
+    assert kinds == [[], ["screw"]]
+
+
 def test_a_housing_with_a_square_pocket_is_no_screw(tmp_path):
     """Four walls are a drive only if they are narrower than a head, and a cast face no thread."""
     body = Solid.sphere(60, 48).scale((1, 0.9, 0.8)).trim_by_plane((0, 0, 1), -20)

@@ -104,6 +104,17 @@ def test_a_seal_may_be_squeezed_by_a_third_of_its_section(tmp_path):
     assert fit.allowed_m == pytest.approx(0.3 * 2.4e-3, rel=1e-3)
 
 
+@pytest.mark.parametrize(("name", "is_fit"), [("spur gear (24 teeth)", True), ("disc", False)])
+def test_gears_whose_teeth_overlap_in_the_drawing_mesh(tmp_path, name, is_fit):
+    """Two rims of 20 mm that are 0.5 mm deep in each other, 4 mm long."""
+    wheel = trimesh.creation.annulus(r_min=5, r_max=20, height=5, sections=64)
+    wheel.export(tmp_path / f"a {name}.stl")
+    wheel.apply_translation((39.5, 0, 0))
+    wheel.export(tmp_path / f"b {name}.stl")
+    fit = contact(tmp_path, f"a {name}", f"b {name}").fit
+    assert (fit is not None and fit.kind == "teeth") == is_fit
+
+
 def overlap(folder, first, second):
     """Return the contact of two meshes, in millimetres."""
     for name, mesh in (("first", first), ("second", second)):

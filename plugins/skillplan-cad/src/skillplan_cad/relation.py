@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skillplan_cad.product import Vector
 
 ContactKind = Literal["plane", "cylinder", "thread", "free"]
-FitKind = Literal["press fit", "thread", "seal", "overlap", "thread in solid", "no hole"]
+FitKind = Literal["press fit", "thread", "seal", "teeth", "overlap", "thread in solid", "no hole"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -678,9 +678,7 @@ def _parse_pieces(
         # Corners of all pieces would be sorted for every piece.
         used, own_faces = np.unique(faces, return_inverse=True)
         try:
-            piece = build_polyhedron(
-                corners[used], own_faces.reshape(-1, 3), "", is_connected=True
-            )
+            piece = build_polyhedron(corners[used], own_faces.reshape(-1, 3), "", is_connected=True)
         except MeshFileError as error:
             raise MeshFileError(f"Piece {number}: {error}", "pieces") from None
         if not piece.convex:

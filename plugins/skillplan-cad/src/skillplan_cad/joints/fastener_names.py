@@ -100,6 +100,16 @@ _SEAL = re.compile(
     r"(?<![a-z])(o[ _-]?rings?|seals?|gaskets?|dichtung(en|sring)?|simmerring|packing|"
     r"joint torique|guarnizion[ei]|junta torica|密封圈|oリング)(?![a-z])"
 )
+_GEAR = re.compile(
+    r"(?<![a-z])([a-z]*gears?|pinions?|sprockets?|gear ?wheels?|zahnrader|[a-z]*zahnrad|ritzel|"
+    r"engrenages?|pignons?|engranajes?|pinon(es)?|ingranaggi?o?|ruota dentata|tandwiel(en)?|"
+    r"шестерн[яи]|齿轮|歯車|기어)(?![a-z])"
+)
+# Machine elements that have heads and tapped ends like screws.
+_LONG = re.compile(
+    r"(?<![a-z])(rods?|shafts?|axles?|spindles?|pipes?|tubes?|levers?|handles?|[a-z]*stangen?|"
+    r"[a-z]*wellen?|achsen?|rohre?|hebel|tiges?|arbres?|ejes?|varillas?|вал|轴|軸)(?![a-z])"
+)
 _NOTHING = re.compile(
     r"(solid|body|part|component|compound|product|document|shape|mesh|object|shell|volume|"
     r"korper|bauteil|corps|cuerpo|unnamed|untitled|none|default|step|stl|open cascade step "
@@ -128,6 +138,16 @@ def recognise_kind(name: str, design: str) -> PartKind | None:
 def is_seal_name(name: str) -> bool:
     """Return whether a name is that of an O-ring or gasket, which is squeezed."""
     return _SEAL.search(_normalise(name)) is not None
+
+
+def is_gear_name(name: str, design: str) -> bool:
+    """Return whether a part is named like a gear; not if only an assembly above it is."""
+    return any(_GEAR.search(_normalise(text)) for text in (name.split("/")[-1], design))
+
+
+def is_rod_name(name: str, design: str) -> bool:
+    """Return whether a part is named like a rod, shaft or lever, not after an assembly above it."""
+    return any(_LONG.search(_normalise(text)) for text in (name.split("/")[-1], design))
 
 
 def _is_empty(level: str) -> bool:

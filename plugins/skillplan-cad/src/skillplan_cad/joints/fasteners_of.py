@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from skillplan_cad.blocking.all_pairs import BlockingTest
 from skillplan_cad.blocking.ray_mesh import RayMesh
-from skillplan_cad.joints.fastener_names import recognise_kind
+from skillplan_cad.joints.fastener_names import is_rod_name, recognise_kind
 from skillplan_cad.joints.turned_shape import (
     TurnedShape,
     describe_turned_shape,
@@ -202,6 +202,7 @@ class _Search:
             return () if self.explain_refusal(candidate) else ("name",)
         if (
             candidate.named is not None
+            or is_rod_name(candidate.part.name, candidate.part.design)
             or shape.bore_m
             or shape.shank_length_m < _LEAST_SHANK * 2 * shape.shank_m
             or shape.evenness < _EVEN

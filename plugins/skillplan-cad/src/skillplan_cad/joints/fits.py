@@ -1,4 +1,4 @@
-"""Overlaps that CAD draws on purpose: press fits, threads and seals, up to an allowance.
+"""Overlaps that CAD draws on purpose: press fits, threads, seals and teeth, up to an allowance.
 
 Sources: ISO 286-1:2010, tables 1 and 4 (standard tolerances and deviations of shafts zc);
 ISO 261:1998 and ISO 68-1:1998 (coarse pitch and depth of metric threads);
@@ -16,7 +16,7 @@ import numpy as np
 
 from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
-from skillplan_cad.joints.fastener_names import is_seal_name
+from skillplan_cad.joints.fastener_names import is_gear_name, is_seal_name
 from skillplan_cad.joints.turned_shape import describe_turned_shape
 from skillplan_cad.product import Face, Part, Points, Product, Vector, make_solid
 from skillplan_cad.reading.surface_fit import fit_faces
@@ -47,6 +47,9 @@ _THREAD_DEPTH = 0.6134
 _SHARE, _NO_HOLE = 0.25, 0.8
 # Largest squeeze of a seal, as a share of its section.
 _SQUEEZE = 0.3
+# Greatest overlap of a gear with its mate, as a share of the volume of the smaller one: teeth are
+# turned at random in CAD.
+_TEETH = 0.1
 # Overlap that a press fit explains, as a share of its own volume.
 _EXPLAINED = 1.25
 # Corners of a drilled hole.
@@ -147,6 +150,8 @@ class _Overlap:
             return Fit("press fit", depth_m, depth_m, volume_m3)
         if self.fastener is not None and not has_hole and self.fastener.kind in ("screw", "pin"):
             return Fit("no hole", depth_m, depth_m, volume_m3)
+        if self._are_teeth():
+            return Fit("teeth", depth_m, depth_m, volume_m3)
         if options.allowance_m is not None:
             limits: list[tuple[FitKind, float]] = [("overlap", options.allowance_m)]
         else:
@@ -159,6 +164,12 @@ class _Overlap:
         return Fit(
             "press fit" if kind == "overlap" and self.tight else kind, depth_m, allowed_m, volume_m3
         )
+
+    def _are_teeth(self) -> bool:
+        """Return whether a gear overlaps its mate by no more than its teeth can."""
+        smaller_m3 = min(part.volume_m3 for part in self.parts)
+        has_gear = any(is_gear_name(part.name, part.design) for part in self.parts)
+        return has_gear and not self.tight and self.contact.overlap_m3 <= _TEETH * smaller_m3
 
     def _measure(self) -> tuple[float, float, float, bool]:
         """Return depth, volume and diameter, and whether parts overlap outside of their hole."""

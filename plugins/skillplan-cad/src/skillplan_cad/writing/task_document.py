@@ -84,6 +84,8 @@ FURTHER_HOLDERS: tuple[Place, ...] = (
 )
 # Place of the tip at the start, as a share of the arm's reach; and the least of it [m].
 _HOME, _HOME_M = 0.3, 0.35
+# Arms whose elbow does not bend far enough to stand that near above the table [m].
+_HOMES_M: Mapping[str, float] = {"iiwa7": 0.42, "iiwa14": 0.45}
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +245,8 @@ def build_robot_entry(
     height = max(float(upright.vertices(part)[:, 2].max()) for part in parts)
     tallest = max((float(upright.size(part)[2]) for part in carried), default=0.0)
     safe = max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
-    home_m = round(max(_HOME_M, _HOME * ARMS[robot][0].works_within_m), 2)
+    nearest_m = _HOMES_M.get(robot, _HOME_M)
+    home_m = round(max(nearest_m, _HOME * ARMS[robot][0].works_within_m), 2)
     named = {"name": robot, "model": robot, "home_m": [home_m, 0.0]}
     return {**named, "safe_height_m": round(safe, 3)}
 

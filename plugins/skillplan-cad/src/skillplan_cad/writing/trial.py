@@ -142,6 +142,9 @@ class TaskTrials:
             )
             if failures or untried:
                 return Trial(failures=failures, untried=untried)
+            faults = _list_engine_faults(task, config)
+            if faults:
+                return Trial(faults)
             return self._find_order(task, config, feasibility, order)
         finally:
             feasibility.close()
@@ -220,6 +223,17 @@ class TaskTrials:
             return Trial(skills=skills)
         fault = again.violations[0]
         return Trial(doubt=f"{fault.skill or 'the end'} fails in it: {fault.reason}")
+
+
+def _list_engine_faults(task: Task, config: AssemblyConfig) -> dict[str, str]:
+    """Return why installed engines refuse parts, such as fits that their pieces block."""
+    faults: dict[str, str] = {}
+    for engine in names("physics"):
+        for back_end in Setup(engine, ()).back_ends(task):
+            for fact, words in back_end.faults().items():
+                part = next((name for name in config.parts if fact == f"placed({name})"), "")
+                faults.setdefault(part, f"{engine} refuses it: {words}")
+    return faults
 
 
 def _sort_issues(issues: Iterable[Issue]) -> dict[str, str]:
