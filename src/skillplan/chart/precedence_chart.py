@@ -324,7 +324,7 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     choices = run_queries(feasibility, [alternatives(query, order) for query in unsure])
     rank = {component: i for i, component in enumerate(task.operations)}
     relations = tuple(sorted(relation_of.values(), key=lambda r: (rank[r.before], rank[r.after])))
-    hand_made = tuple((line.before, line.after) for line in task.chart)
+    hand_made = tuple((line.before, line.after) for line in task.chart if not line.instead)
     by_hand = closure(hand_made)
     return DerivedChart(
         relations,

@@ -79,7 +79,7 @@ def compute_verdict_key(back_end: BackEnd, skill: Skill) -> str:
             _to_json(case.fact) + _to_json(case.forbids) + _to_json(case.outcomes)
             for case in skill.cases
         ],
-        "chart": [[line.before, line.after] for line in back_end.task.chart],
+        "chart": [[line.before, line.after, *line.instead] for line in back_end.task.chart],
         "operations": dict(back_end.task.operations),
     }
     return hash_content(content)

@@ -69,7 +69,22 @@ class PrecedenceDetector(Detector):
         needed, blocked = facts.none, facts.none
         if component is not None:
             for line in self._lines.get(component, ()):
-                if line.after == component:
+                if line.instead:
+                    if line.after != component:
+                        continue
+                    firsts = (line.before, *line.instead)
+                    done = [self.task.operations[first] for first in firsts]
+                    holding = next((fact for fact in done if fact in state), None)
+                    if holding is None:
+                        return Verdict.infeasible(
+                            f"the chart puts one of {', '.join(firsts)} before {component}, and "
+                            "none is done",
+                            needed,
+                            blocked | facts.of(*done),
+                            {"any_of": list(firsts), "after": component},
+                        )
+                    needed |= facts.of(holding)
+                elif line.after == component:
                     fact = self.task.operations[line.before]
                     needed |= facts.of(fact)
                     if fact not in state:

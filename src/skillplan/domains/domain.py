@@ -183,6 +183,13 @@ class Domain(ABC):
         """
         return parse(text, source)
 
+    def expand(self, document: Document) -> Document:
+        """Return a document with its shorthands written out, before it is validated.
+
+        Faults of shorthands are added to the document's own.
+        """
+        return document
+
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return the faults that the schema cannot find, each with the path of its key."""
         return ()

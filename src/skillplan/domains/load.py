@@ -290,7 +290,7 @@ def load_task(
     document = apply_changes(_read(source, domains), changes or {})
     kind, domain = _find_domain(document, domains)
     try:
-        return _ground(source, document, kind, domain, checks)
+        return _ground(source, domain.expand(document), kind, domain, checks)
     except BaseException as error:
         failed = f"{source}: the kind {kind!r} failed"
         blame(error, type(domain), lambda words: f"{failed}: {words}", PluginError)

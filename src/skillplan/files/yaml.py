@@ -127,8 +127,15 @@ class Document:
         return replace(issue, line=line, column=column)
 
     def error(self, issues: Iterable[Issue]) -> TaskError:
-        """Return the error with these issues, located, and the document's own issues."""
-        return TaskError(self.source, [*self.issues, *map(self.locate, issues)])
+        """Return the error with these issues, located, and the document's own issues.
+
+        A fault of an entry that stands for several is listed once.
+        """
+        listed: dict[tuple[int, int, str], Issue] = {}
+        for issue in (*self.issues, *map(self.locate, issues)):
+            key = (issue.line, issue.column, issue.message)
+            listed.setdefault(key if issue.line else (0, len(listed), issue.message), issue)
+        return TaskError(self.source, list(listed.values()))
 
 
 def read_text(path: Path, source: str, max_bytes: int = MAX_BYTES) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +25,7 @@ from skillplan.model.job_connections import (
     PricedConnections,
     find_needed_connections,
 )
+from skillplan.model.pooled_model import PooledModel, assign
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.verdict import Verdict, VerdictStatus
 
@@ -263,6 +264,9 @@ class SequencingProblem:
         without skills are left out.
     step_limit
         Greatest number of skills in a plan. An order may exceed it, see `fits`.
+    assigned
+        Of interchangeable bodies, the skill of a plan by the skill that fills a place, and by that
+        which took the body; see `PooledModel`.
     """
 
     jobs: tuple[str, ...]
@@ -272,6 +276,7 @@ class SequencingProblem:
     precedence: frozenset[tuple[int, int]]
     paths: dict[tuple[int, int], tuple[str, ...]]
     step_limit: int
+    assigned: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.jobs)
@@ -290,7 +295,7 @@ class SequencingProblem:
         names: list[str] = []
         for before, job in zip((-1, *order), order, strict=False):
             names += [*self.paths.get((before, job), ()), *self.skills[job]]
-        return tuple(names)
+        return assign(names, self.assigned) if self.assigned else tuple(names)
 
     def fits(self, order: Sequence[int]) -> bool:
         """Return whether the plan of an order respects the step limit."""
@@ -306,6 +311,8 @@ class SequencingProblem:
         inside = {name for chain in self.skills for name in chain}
         order: list[int] = []
         position = 0
+        unnamed = {name: job for job, fills in self.assigned.items() for name in fills.values()}
+        plan = [unnamed.get(name, name) for name in plan]
         while position < len(plan):
             name = plan[position]
             if name not in inside:
@@ -337,6 +344,10 @@ class SequencingProblem:
         SearchStopped
             If the solver is overdue.
         """
+        assigned: Mapping[str, Mapping[str, str]] = {}
+        if model.task.pools and model.task.deterministic:
+            model = pooled = PooledModel(model)
+            assigned = pooled.assigned
         told_basis = model.feasibility.times.basis if model.asks_costs else 0
         structure = ComponentJobs(model.task, told_basis)
         several = next(
@@ -374,6 +385,7 @@ class SequencingProblem:
             ),
             paths,
             model.task.step_limit,
+            assigned,
         )
 
 

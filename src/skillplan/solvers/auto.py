@@ -20,6 +20,7 @@ from skillplan.task import back_end
 # Maximum numbers of operations and of labels for which exact search is tried first.
 _SMALL = 24
 _LABELS = 6_000
+_SMALL_POOL = 5
 
 # Solver for several agents that move at once.
 _FLEET = "fleet"
@@ -47,7 +48,9 @@ class AutoSolver(Solver):
             if refusal is not None:
                 return self._beyond_tables(model, seed, refusal)
             return self._by(chosen, model, seed, "value-iteration, as skills may fail by chance")
-        small = len(model.task.operations) <= _SMALL
+        # With many interchangeable parts, jobs without names are proved much sooner.
+        pooled = max((len(pool.places) for pool in model.task.pools), default=0)
+        small = len(model.task.operations) <= _SMALL and pooled <= _SMALL_POOL
         if small:
             trial = self._try_exact(model, seed)
             if trial.proved or self.stop():
@@ -67,6 +70,8 @@ class AutoSolver(Solver):
                 return _with_bound(solution, trial)
             return self._by(ExactSolver(stop=self.stop), model, seed, f"exact, as {error}")
         after = f"no proof by exact within {_LABELS:,} arrows" if small else "many jobs"
+        if pooled > _SMALL_POOL:
+            after = f"{pooled} interchangeable parts"
         solution = portfolio.solve(model, seed=seed)
         solution = _with_bound(solution, trial)
         solution = _because(solution, f"portfolio, as it puts jobs into an order; {after}")

@@ -11,7 +11,7 @@ from typing import Any
 from skillplan.errors import OptionError, name_hint
 from skillplan.task.motion import Point
 from skillplan.task.reward import Reward
-from skillplan.task.scene import Scene
+from skillplan.task.scene import WORLD, Scene
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Condition, Facts, State
 
@@ -90,10 +90,40 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Precedence:
-    """A line of a hand-made precedence chart: one operation comes before another."""
+    """A line of a hand-made precedence chart: one operation comes before another.
+
+    Parameters
+    ----------
+    instead
+        Operations of which any one serves as well as `before`.
+    """
 
     before: str
     after: str
+    instead: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """Interchangeable bodies, each of which may fill each of some places.
+
+    States that differ only in which body fills which place are equally good, because the bodies
+    are the same. Facts and skills still name the bodies.
+
+    Parameters
+    ----------
+    places
+        Components whose operation fills a place; as many as bodies.
+    starts, held
+        Fact of each body while it is at its start, and while it is in the hand.
+    located
+        Facts of each body, in rows, by the place that it fills.
+    """
+
+    places: tuple[str, ...]
+    starts: tuple[str, ...]
+    held: tuple[str, ...]
+    located: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +180,8 @@ class Task:
         the latter.
     notes
         Sentences about skills that grounding left out or assumed, by name of the skill.
+    pools
+        Interchangeable bodies, with the places that they may fill.
     """
 
     name: str
@@ -176,6 +208,7 @@ class Task:
     infeasible: str = ""
     covered: tuple[int, int] | None = None
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    pools: tuple[Pool, ...] = ()
     _index: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -191,7 +224,7 @@ class Task:
             if fact not in self.facts:
                 raise ValueError(f"Task {self.name!r}: {component!r} has unknown fact {fact!r}.")
         for line in self.chart:
-            for component in (line.before, line.after):
+            for component in (line.before, line.after, *line.instead):
                 if component not in self.operations:
                     raise ValueError(f"Task {self.name!r}: chart names unknown {component!r}.")
         for fact in self.places:
@@ -283,6 +316,26 @@ class Task:
             except OptionError as error:
                 raise OptionError(f"Entry {position} of the sequence: {error}") from None
         return tuple(skills)
+
+    def find_finished_state(self, skills: Sequence[str] = ()) -> State:
+        """Return the facts of the goal, with a place for every body that has several.
+
+        That is the place in the last state of a plan, or else the first one.
+        """
+        last = self.initial
+        for name in skills:
+            last = self.skills[self.action(name)].prediction_in(last).apply(last)
+        finished = self.goal.requires
+        for body in self.scene.bodies:
+            goal = self.operations.get(body.name)
+            if goal is None or body.placement(finished) is not None:
+                continue
+            places = [p.fact for p in body.placements if p.frame == WORLD]
+            held = [fact for fact in places if fact in last and fact not in self.initial]
+            free = [fact for fact in places if fact not in self.initial]
+            if held or (goal in finished and free):
+                finished |= self.facts.of((held or free)[0])
+        return finished
 
     def places_in(self, state: State) -> list[Place]:
         """Return the places of robots in a state."""

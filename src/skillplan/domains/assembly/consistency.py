@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain, islice
 
+from skillplan.domains.assembly.alternatives import find_choice_issues, find_variant_issues
 from skillplan.domains.assembly.cost_schema import find_cost_issues
 from skillplan.domains.assembly.geometry_faults import find_geometry_issues, find_shape_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
@@ -26,6 +27,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
                 _check_references(config),
                 _check_names(config),
                 find_shape_issues(config),
+                find_choice_issues(config),
                 _check_cycles(config),
                 _check_lists(config),
                 _check_step_limit(config),
@@ -38,6 +40,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
     sections = ("parts", "fixtures", "screws", "buffers")
     if not any(issue.path[0] in sections for issue in issues):
         issues += islice(find_geometry_issues(config), _MAX_ISSUES)
+        issues += islice(find_variant_issues(config), _MAX_ISSUES)
         issues += islice(find_zone_issues(config), _MAX_ISSUES)
     return issues
 
@@ -103,6 +106,11 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
         )
     for i, line in enumerate(config.chart):
         yield from check(line.before, components, "part or screw", "chart", i, "before")
+        for j, before in enumerate(line.any_of or ()):
+            yield from check(before, components, "part or screw", "chart", i, "any_of", j)
+            if before in line.after:
+                words = f"{before!r} cannot come before itself. Leave it out."
+                yield Issue(words, ("chart", i, "any_of", j))
         for j, after in enumerate(line.after):
             yield from check(after, components, "part or screw", "chart", i, "after", j)
             if after == line.before:
@@ -170,7 +178,7 @@ def _check_cycles(config: AssemblyConfig) -> Iterator[Issue]:
     before: dict[str, list[str]] = {}
     for line in config.chart:
         for after in line.after:
-            if after != line.before:
+            if line.before is not None and after != line.before:
                 before.setdefault(after, []).append(line.before)
     cycle = _find_cycle(before)
     if cycle:
@@ -242,9 +250,12 @@ def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
             part.tool,
         )
         for name, part in config.moved_parts.items()
+        if not (part.other_goals or part.other_tools or part.interchangeable or part.optional)
     ]
     jobs += [
-        (f"fastened({name})", [f"fasten({name})"], s.tool) for name, s in config.screws.items()
+        (f"fastened({name})", [f"fasten({name})"], s.tool)
+        for name, s in config.screws.items()
+        if not (s.other_tools or s.optional)
     ]
     goal = None if config.goal is None else set(config.goal)
     needed: dict[str, str] = {}
@@ -269,9 +280,11 @@ def _check_product_parts(config: AssemblyConfig) -> Iterator[Issue]:
 def _check_step_limit(config: AssemblyConfig) -> Iterator[Issue]:
     if config.goal is not None or config.step_limit is None:
         return
-    steps = 2 * len(config.moved_parts) + len(config.screws)
-    tools = {part.tool for part in config.moved_parts.values()}
-    tools |= {screw.tool for screw in config.screws.values()}
+    parts = [part for part in config.moved_parts.values() if not part.optional]
+    screws = [screw for screw in config.screws.values() if not screw.optional]
+    steps = 2 * len(parts) + len(screws)
+    tools = {part.tool for part in parts if not part.other_tools}
+    tools |= {screw.tool for screw in screws if not screw.other_tools}
     changes = len(tools - {config.initial_tool})
     if config.tool_change.style == "separate" and config.initial_tool is not None:
         changes *= 2

@@ -7,6 +7,7 @@ from typing import Any
 
 from skillplan.domains.assembly.consistency import find_issues
 from skillplan.domains.assembly.cost_schema import choose_cost, list_cost_names
+from skillplan.domains.assembly.expansion import expand
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.layout_family import draw_layouts
 from skillplan.domains.assembly.overview import (
@@ -20,6 +21,7 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.zone_faults import find_zone_hints, list_zones
 from skillplan.domains.domain import Domain, Overview
 from skillplan.errors import Issue, OptionError
+from skillplan.files.yaml import Document
 from skillplan.task.task import Task
 
 # Section of the file that a fact comes from, by the kind of fact.
@@ -34,6 +36,10 @@ class AssemblyDomain(Domain):
 
     kind = "assembly"
     Config = AssemblyConfig
+
+    def expand(self, document: Document) -> Document:
+        """Return the document with counted entries and trays written out."""
+        return expand(document)
 
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return faults of references, order and geometry."""

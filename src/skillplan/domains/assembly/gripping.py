@@ -57,8 +57,8 @@ def choose_tool_kind(config: AssemblyConfig, tool: str) -> ToolKind:
     given = config.tools[tool].type
     if given is not None:
         return ToolKind(given)
-    drives = any(screw.tool == tool for screw in config.screws.values())
-    holds = any(part.tool == tool for part in config.parts.values())
+    drives = any(tool in (s.tool, *(s.other_tools or ())) for s in config.screws.values())
+    holds = any(tool in (p.tool, *(p.other_tools or ())) for p in config.parts.values())
     return ToolKind.SCREWDRIVER if drives and not holds else ToolKind.GRIPPER
 
 

@@ -10,7 +10,7 @@ path as well.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from skillplan.domains.assembly import vocabulary
@@ -28,9 +28,9 @@ from skillplan.domains.assembly.insertion import (
     list_place_visits,
 )
 from skillplan.domains.assembly.layout import get_layout
-from skillplan.domains.assembly.part_schema import FitConfig
+from skillplan.domains.assembly.part_schema import FitConfig, PartConfig
 from skillplan.domains.assembly.resting import find_bearers
-from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.schema import AssemblyConfig, choose_variant
 from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kinds, make_point
 from skillplan.domains.assembly.screw_holes import find_driving, find_shank, list_asides_m
 from skillplan.domains.assembly.screw_schema import ScrewConfig
@@ -53,7 +53,7 @@ from skillplan.task.scene import (
 from skillplan.task.shape import Box, Cylinder
 from skillplan.task.skill import Case, Outcome, Skill, Way
 from skillplan.task.state import Condition, Facts
-from skillplan.task.task import BackEndChoice, Literal, Precedence, Task
+from skillplan.task.task import BackEndChoice, Literal, Pool, Precedence, Task
 from skillplan.task.zone import SlowTravel
 
 MOST_STEPS = 100_000
@@ -125,7 +125,8 @@ class _Grounding:
             **{name: f"placed({name})" for name in config.moved_parts},
             **{name: f"fastened({name})" for name in config.screws},
         }
-        goal = config.goal or list(operations.values())
+        needed = [name for name in operations if not _get_component(config, name).optional]
+        goal = config.goal or [operations[name] for name in needed]
         return Task(
             name=config.name,
             kind=config.kind,
@@ -151,7 +152,13 @@ class _Grounding:
             ),
             operations=operations,
             chart=tuple(
-                Precedence(line.before, after) for line in config.chart for after in line.after
+                Precedence(
+                    (firsts := [line.before] if line.before else line.any_of or [])[0],
+                    after,
+                    tuple(firsts[1:]),
+                )
+                for line in config.chart
+                for after in line.after
             ),
             physics=next(
                 (BackEndChoice(name, options or {}) for name, options in config.physics.items()),
@@ -162,6 +169,7 @@ class _Grounding:
             ),
             sha256=sha256,
             dwells_from=self._list_dwell_sources(),
+            pools=_list_pools(config),
             covered=None
             if config.product_parts is None
             else (len(config.parts) + len(config.screws), config.product_parts),
@@ -201,7 +209,10 @@ class _Grounding:
         positions: dict[str, Point] = {HOME: home}
         for part in config.moved_parts:
             positions[vocabulary.name_start(config, part)] = layout.start(part).pose.position
-            positions[f"{part}.goal"] = layout.goal(part).pose.position
+            for option in vocabulary.list_place_options(config, part):
+                if option.done == part:
+                    where = choose_variant(config, part, option.label)
+                    positions[option.place] = get_layout(where).goal(part).pose.position
         for part, buffers in vocabulary.list_buffered(config).items():
             start = layout.start(part).pose.position
             there: dict[str | None, Point] = {None: start}
@@ -221,20 +232,25 @@ class _Grounding:
     def _list_skills(self) -> Iterator[Skill]:
         """Yield all skills: picks and places, tool changes, fastenings."""
         buffered = vocabulary.list_buffered(self.config)
-        for name in self.config.moved_parts:
+        for name, part in self.config.moved_parts.items():
             if name in buffered:
                 yield from self._build_buffered(name, buffered[name])
-            else:
-                yield self._build_pick(name)
-                yield self._build_place(name)
+                continue
+            options = vocabulary.list_place_options(self.config, name)
+            for label, tool in vocabulary.list_tool_labels(part):
+                yield self._build_pick(name, label, tool)
+                for option in options:
+                    is_only = len(options) == 1
+                    yield self._build_place(name, option, label, tool, is_only=is_only)
         for tool in self.config.tools:
             if self.config.tool_change.style == "separate":
                 yield self._build_offload(tool)
                 yield self._build_load(tool)
             else:
                 yield self._build_swap(tool)
-        for name in self.config.screws:
-            yield self._build_fasten(name)
+        for name, screw in self.config.screws.items():
+            for label, tool in vocabulary.list_tool_labels(screw):
+                yield self._build_fasten(name, label, tool)
 
     def _build_skill(
         self,
@@ -406,47 +422,74 @@ class _Grounding:
         cases = tuple(Case(self.facts.of(hold), skill.outcomes, none) for hold in holds)
         return replace(skill, outcomes=(), cases=cases) if cases else skill
 
-    def _build_pick(self, name: str) -> Skill:
+    def _build_pick(self, name: str, label: str, tool: str) -> Skill:
         part = self.config.parts[name]
         start = vocabulary.name_start(self.config, name)
         looks = name in vocabulary.list_missed_parts(self.config)
         above = [n for n in self.config.moved_parts if name in self.beneath[n]]
-        visits = list_pick_visits(self.config, name)
+        visits = self._list_visits(list_pick_visits, name, name, label, tool)
         return self._build_skill(
             "pick",
-            name,
-            requires=[f"at_start({name})", HAND_FREE, f"tool({part.tool})"],
+            f"{name}{label}",
+            requires=[f"at_start({name})", HAND_FREE, f"tool({tool})"],
             forbids=[f"at_start({other})" for other in above],
             add=[f"held({name})"],
             delete=[f"at_start({name})", HAND_FREE],
             ends_at=start,
             routes={None: [visits[0][1]]},
             ways=visits if len(visits) > 1 else (),
-            parameters={"part": name, "tool": part.tool},
+            parameters={"part": name, "tool": tool},
             failure=part.grasp_failure,
             failed_at=f"{name}.missed" if looks else start,
         )
 
-    def _build_place(self, name: str) -> Skill:
-        part = self.config.parts[name]
-        visits = list_place_visits(self.config, name)
+    def _build_place(
+        self, name: str, option: vocabulary.PlaceOption, label: str, tool: str, *, is_only: bool
+    ) -> Skill:
+        other = option.done if option.done != name else name
+        visits = self._list_visits(list_place_visits, name, other, f"{option.label}{label}", tool)
+        located = [] if is_only else [f"at_goal({name}{option.label})"]
+        # The component that is completed comes first; the part that fills its place may be another.
+        place = {} if other == name else {"place": other}
         return self._build_skill(
             "place",
-            name,
-            requires=[f"held({name})", f"tool({part.tool})"],
-            add=[f"placed({name})", HAND_FREE],
+            f"{name}{option.label}{label}",
+            requires=[f"held({name})", f"tool({tool})"],
+            forbids=[] if is_only else [f"placed({option.done})"],
+            add=[f"placed({option.done})", *located, HAND_FREE],
             delete=[f"held({name})"],
-            ends_at=f"{name}.goal",
+            ends_at=option.place,
             routes={None: [visits[0][1]]},
             ways=visits if len(visits) > 1 else (),
-            parameters={"part": name, "tool": part.tool},
+            parameters={**place, "part": name, "tool": tool},
             carries=name,
         )
 
-    def _build_fasten(self, name: str) -> Skill:
+    def _list_visits(
+        self,
+        list_visits: Callable[[AssemblyConfig, str], list[tuple[str, Visit]]],
+        name: str,
+        like: str,
+        label: str,
+        tool: str,
+    ) -> list[tuple[str, Visit]]:
+        """Return the visits of a part that another goal or tool, or a part like it, determines."""
+        config = choose_variant(self.config, like, label, tool)
+        visits = list_visits(config, like)
+        if config is not self.config:
+            # The body holds the grasp of its first tool.
+            grasp = list_grasps(config, like)[0]
+            visits = [
+                (words, visit if visit.grasp else replace(visit, grasp=grasp))
+                for words, visit in visits
+            ]
+        return [(words, replace(visit, subject=name)) for words, visit in visits]
+
+    def _build_fasten(self, name: str, label: str, tool: str) -> Skill:
         config, screw = self.config, self.config.screws[name]
-        owners = screw, config.tools[screw.tool]
-        drive_s = self.drivings[name].takes_s
+        owners = screw, config.tools[tool]
+        chosen = choose_variant(config, name, tool=tool)
+        driving = find_driving(chosen, name) if label else self.drivings[name]
         hole = self.layout.hole_pose(screw)
         # The shank leaves its hole on the straight stretch.
         stretch_m = None if screw.length_m is None else max(screw.length_m, _LEAST_STRETCH_M)
@@ -457,10 +500,10 @@ class _Grounding:
                 name,
                 along=screw.direction,
                 insert_m=stretch_m,
-                dwell_s=drive_s,
+                dwell_s=driving.takes_s,
                 aside_m=aside_m,
             )
-            for aside_m in list_asides_m(config, name)
+            for aside_m in list_asides_m(chosen, name)
         ]
         fetch: tuple[Visit, ...] = ()
         if screw.feeder is not None:
@@ -470,15 +513,15 @@ class _Grounding:
         ways = [(_label_aside(drive), (*fetch, drive)) for drive in drives]
         return self._build_skill(
             "fasten",
-            name,
-            requires=[HAND_FREE, f"tool({screw.tool})", *self._list_threads(screw)],
+            f"{name}{label}",
+            requires=[HAND_FREE, f"tool({tool})", *self._list_threads(screw)],
             forbids=[f"fastened({name})"],
             add=[f"fastened({name})"],
             delete=[],
             ends_at=name,
             routes={None: ways[0][1]},
             ways=ways if len(ways) > 1 else (),
-            parameters={"screw": name, "tool": screw.tool, "part": screw.through},
+            parameters={"screw": name, "tool": tool, "part": screw.through},
         )
 
     def _list_threads(self, screw: ScrewConfig) -> list[str]:
@@ -641,11 +684,11 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
 def _build_part(config: AssemblyConfig, name: str) -> Body:
     part, layout = config.parts[name], get_layout(config)
     convex, shapes = part.convex_shapes, part.shapes
-    placed = Placement(f"placed({name})", layout.goal(name).pose)
+    placed = _list_goal_placements(config, name)
     return Body(
         name,
         convex,
-        (placed,)
+        placed
         if part.fixed
         else (
             Placement(f"at_start({name})", layout.start(name).pose, solid=part.feeder is None),
@@ -654,7 +697,7 @@ def _build_part(config: AssemblyConfig, name: str) -> Body:
                 Placement(f"in_buffer({name}.{buffer})", layout.buffered(name, buffer).pose)
                 for buffer in part.buffers or ()
             ),
-            placed,
+            *placed,
         ),
         part.mass_kg,
         list_grasps(config, name),
@@ -675,6 +718,57 @@ def _build_fit(into: str, fit: FitConfig) -> Fit:
         fit.lead_in_m,
         fit.kind is not None and fit.stop == "part",
     )
+
+
+def _list_goal_placements(config: AssemblyConfig, name: str) -> tuple[Placement, ...]:
+    """Return the poses of a part at its goal, or at each place where it may go."""
+    if config.parts[name].fixed:
+        return (Placement(f"placed({name})", get_layout(config).goal(name).pose),)
+    options = vocabulary.list_place_options(config, name)
+    fact = "placed" if len(options) == 1 else "at_goal"
+    placements = []
+    for option in options:
+        where = choose_variant(config, option.done, option.label)
+        pose = get_layout(where).goal(option.done).pose
+        placements.append(Placement(f"{fact}({name}{option.label})", pose))
+    return tuple(placements)
+
+
+def _list_pools(config: AssemblyConfig) -> tuple[Pool, ...]:
+    """Return the interchangeable parts whose assignment is symmetric.
+
+    It is not if the file names where a single part goes, leaves out some of the actions, or gives
+    a single skill a cost of its own.
+    """
+    cost = config.cost
+    weighed = [*cost.wear, *cost.energy_j] if isinstance(cost, CostConfig) else []
+    if config.actions is not None or any("(" in name for name in weighed):
+        return ()
+    named = {fact.partition("(")[0] for fact in config.goal or ()}
+    if named - {"placed", "fastened"}:
+        return ()
+    pools = []
+    for name in config.moved_parts:
+        members = vocabulary.list_interchangeable(config, name)
+        if len(members) > 1 and members[0] == name:
+            options = {m: vocabulary.list_place_options(config, m) for m in members}
+            located = {
+                m: {option.done: f"at_goal({m}{option.label})" for option in options[m]}
+                for m in members
+            }
+            pools.append(
+                Pool(
+                    tuple(members),
+                    tuple(f"at_start({m})" for m in members),
+                    tuple(f"held({m})" for m in members),
+                    tuple(tuple(located[m][place] for place in members) for m in members),
+                )
+            )
+    return tuple(pools)
+
+
+def _get_component(config: AssemblyConfig, name: str) -> PartConfig | ScrewConfig:
+    return config.parts.get(name) or config.screws[name]
 
 
 def _build_screw(config: AssemblyConfig, name: str) -> Body:

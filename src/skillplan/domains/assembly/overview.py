@@ -16,6 +16,8 @@ from skillplan.domains.assembly.resting import Rest, find_goal_rests, find_start
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig, list_given_kinds
 from skillplan.domains.assembly.screw_holes import find_driving, find_shank
+from skillplan.domains.assembly.screw_schema import ScrewConfig
+from skillplan.domains.assembly.vocabulary import list_interchangeable
 from skillplan.domains.domain import Overview
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import grasp_boxes
@@ -265,8 +267,28 @@ def list_choices(config: AssemblyConfig) -> Overview:
         clauses += [f"is held at {' or '.join(grasps)}"] if grasps else []
         lines.append(f"ways       {name} {', '.join(clauses)}")
         entries.append({"part": name, "directions": stretches, "grasps": grasps})
+    lines += _describe_alternatives(config)
     document = {"ways": entries, "automatic_grasps": tried}
     return Overview({key: found for key, found in document.items() if found}, tuple(lines))
+
+
+def _describe_alternatives(config: AssemblyConfig) -> Iterator[str]:
+    """Yield a line for each choice of goals and tools that the search takes."""
+    for name, part in config.moved_parts.items():
+        members = list_interchangeable(config, name)
+        if len(members) > 1 and members[0] == name:
+            yield f"same       {name} to {members[-1]}: any of {len(members)} to any of their goals"
+        if part.other_goals:
+            yield f"choice     {name} has {1 + len(part.other_goals)} goals, of which one is taken"
+    owners: dict[str, PartConfig | ScrewConfig] = {**config.moved_parts, **config.screws}
+    for name, owner in owners.items():
+        if owner.other_tools:
+            yield f"choice     {name} by {' or '.join((owner.tool, *owner.other_tools))}"
+        if owner.optional:
+            yield f"optional   {name} need not be done"
+    for line in config.chart:
+        if line.any_of:
+            yield f"order      {' or '.join(line.any_of)} before {', '.join(line.after)}"
 
 
 def _describe_holds(config: AssemblyConfig, name: str) -> list[str]:

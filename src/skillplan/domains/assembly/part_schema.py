@@ -15,6 +15,7 @@ from pydantic import (
     model_validator,
 )
 
+from skillplan.domains.assembly.many_schema import Count, PatternConfig, ToolName
 from skillplan.domains.assembly.schema_types import (
     Angle,
     Angles,
@@ -61,6 +62,7 @@ Names = Annotated[
 _MOVED_KEYS = (
     *("tool", "grasp", "grasp_failure", "start_m", "start_on", "feeder", "start_yaw_rad"),
     *("start_rpy_rad", "insert_along", "insert_m", "durations_s", "buffers"),
+    *("other_goals", "other_tools", "optional", "interchangeable"),
 )
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
@@ -363,10 +365,27 @@ class Shaped(Strict):
         return next(key for key in SHAPE_KEYS if getattr(self, key) is not None)
 
 
+class OtherGoal(Strict):
+    """Another place where a part may go instead of its goal."""
+
+    goal_m: PlanarOrSpatial = Field(description="place, x y or x y z [m]; as of the part")
+    goal_on: Names | None = Field(
+        None, description="the part it stands on there, or a list of them; left out: the table"
+    )
+    goal_yaw_rad: Angle = Field(0.0, description="yaw there [rad]")
+    goal_rpy_rad: Angles | None = Field(
+        None, description="rotation there [rad]; instead of goal_yaw_rad"
+    )
+
+
 class PartConfig(Shaped):
     """A part: shape, start and goal."""
 
-    tool: Name = Field("", description="the tool that grasps it; a fixed part has none")
+    tool: ToolName = Field(
+        "",
+        description="the tool that grasps it, or a list of tools of which the search takes one; a "
+        "fixed part has none",
+    )
     fixed: bool = Field(
         False,
         exclude_if=is_empty,
@@ -442,6 +461,51 @@ class PartConfig(Shaped):
         None,
         exclude_if=is_absent,
         description="dwell times of this part [s]; left out: dwell of its tool, or of the task",
+    )
+    count: Count | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="number of such parts, NAME_1, NAME_2 and so on; left out: one, NAME",
+    )
+    start_in: Name | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="the tray it lies in at the start, in the next free pocket; instead of start_m",
+    )
+    start_pattern: PatternConfig | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="with 'count', places at the start, the first at start_m; left out: all come "
+        "from a tray, a feeder, or lie on the parts of another count",
+    )
+    goal_pattern: PatternConfig | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="with 'count', places at the goal, the first at goal_m; left out: one place",
+    )
+    interchangeable: bool | Name | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="parts with the same name here may take each other's goals, and the search "
+        "assigns them; left out: parts of one count may if they start at places; false: each part "
+        "has its own goal",
+    )
+
+    other_goals: Annotated[list[OtherGoal], Field(min_length=1, max_length=16)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="places where it may go instead, of which the search takes one; left out: none",
+    )
+    other_tools: Annotated[list[Name], Field(min_length=1, max_length=8)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="tools that may grasp it instead of 'tool', of which the search takes one; "
+        "left out: none",
+    )
+    optional: bool = Field(
+        False,
+        exclude_if=is_empty,
+        description="it need not be placed, unless 'goal' names it; left out: it must",
     )
 
     @model_validator(mode="after")

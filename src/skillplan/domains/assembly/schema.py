@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from skillplan.domains.assembly.cost_schema import CostChoice
+from skillplan.domains.assembly.many_schema import Trays
 from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig
 from skillplan.domains.assembly.robot_schema import RobotConfig
 from skillplan.domains.assembly.schema_types import (
@@ -94,10 +95,25 @@ class BufferConfig(Strict):
 class ChartLine(Strict):
     """A line of the hand-made precedence chart."""
 
-    before: Name = Field(description="the part or screw that comes first")
+    before: Name | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="the part or screw that comes first; instead of any_of",
+    )
+    any_of: Annotated[list[Name], Field(min_length=2, max_length=64)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="parts and screws of which at least one comes first; instead of before",
+    )
     after: Annotated[list[Name], Field(min_length=1, max_length=512)] = Field(
         description="parts and screws that come later"
     )
+
+    @model_validator(mode="after")
+    def _one_first(self) -> ChartLine:
+        if (self.before is None) == (self.any_of is None):
+            raise Located("give one of 'before' and 'any_of'.")
+        return self
 
 
 class RewardConfig(Strict):
@@ -217,6 +233,12 @@ class AssemblyConfig(Strict):
         description="places to put parts down in between, by name, for parts that name them in "
         "'buffers'; left out: none",
     )
+    trays: Trays = Field(
+        {},
+        exclude_if=is_empty,
+        description="trays and racks by name, in whose pockets parts and screws lie at the start; "
+        "each is a fixture with plates beneath its pockets; left out: none",
+    )
     parts: Annotated[dict[Name, PartConfig], Field(min_length=1, max_length=256)] = Field(
         description="parts by name"
     )
@@ -234,8 +256,8 @@ class AssemblyConfig(Strict):
     )
     chart: Annotated[list[ChartLine], Field(max_length=4096)] = Field(
         [],
-        description="the hand-made precedence relation, as [{before: a, after: [b, c]}]; left out: "
-        "none",
+        description="the hand-made precedence relation, as [{before: a, after: [b, c]}] or "
+        "[{any_of: [a, b], after: [c]}]; left out: none",
     )
     actions: Annotated[list[Fact], Field(min_length=1, max_length=1024)] | None = Field(
         None, description="the actions in the order of their numbers; left out: all, in file order"
@@ -272,3 +294,31 @@ class AssemblyConfig(Strict):
     def moved_parts(self) -> dict[str, PartConfig]:
         """The parts that hands move, by name."""
         return {name: part for name, part in self.parts.items() if not part.fixed}
+
+
+def choose_variant(
+    config: AssemblyConfig, name: str, label: str = "", tool: str = ""
+) -> AssemblyConfig:
+    """Return the task with one of the goals and tools of a part or screw as its only ones.
+
+    Parameters
+    ----------
+    label
+        Suffix of the skill: ``@2`` for the second goal; without a number, the part's own goal.
+    tool
+        One of its tools; empty for the first.
+    """
+    part = config.parts.get(name)
+    owner = config.screws[name] if part is None else part
+    changes: dict[str, Any] = {}
+    number = label.partition(":")[0].removeprefix("@")
+    if part is not None and number.isdigit():
+        goal = (part.other_goals or [])[int(number) - 2]
+        changes |= {key: getattr(goal, key) for key in type(goal).model_fields}
+    if tool and tool != owner.tool:
+        changes["tool"] = tool
+    if not changes:
+        return config
+    section = "screws" if part is None else "parts"
+    entries = {**getattr(config, section), name: owner.model_copy(update=changes)}
+    return config.model_copy(update={section: entries})

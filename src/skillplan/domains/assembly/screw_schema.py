@@ -13,6 +13,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
+from skillplan.domains.assembly.many_schema import Count, PatternConfig, ToolName
 from skillplan.domains.assembly.part_schema import Mass, Names
 from skillplan.domains.assembly.schema_types import (
     Direction,
@@ -21,6 +22,7 @@ from skillplan.domains.assembly.schema_types import (
     PlanarOrSpatial,
     ScrewDurations,
     is_absent,
+    is_empty,
     make_unit,
 )
 from skillplan.domains.domain import Name, Strict
@@ -114,7 +116,9 @@ class ScrewHead:
 class ScrewConfig(Strict):
     """A screw: its hole and the part that it fastens."""
 
-    tool: Name = Field(description="the tool that drives it")
+    tool: ToolName = Field(
+        description="the tool that drives it, or a list of tools of which the search takes one"
+    )
     hole_m: PlanarOrSpatial = Field(
         description="the mouth of its hole, x y z, or x y: at the top of the part it goes through, "
         "of a screw from below at its underside; a hole in a mesh is found at its rim [m]"
@@ -186,6 +190,28 @@ class ScrewConfig(Strict):
         None,
         exclude_if=is_absent,
         description="dwell times of this screw [s]; left out: dwell of its tool, or of the task",
+    )
+    count: Count | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="number of such screws, NAME_1, NAME_2 and so on; left out: one, NAME",
+    )
+    hole_pattern: PatternConfig | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="with 'count', the holes, the first at hole_m; left out: one hole",
+    )
+
+    other_tools: Annotated[list[Name], Field(min_length=1, max_length=8)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="tools that may drive it instead of 'tool', of which the search takes one; "
+        "left out: none",
+    )
+    optional: bool = Field(
+        False,
+        exclude_if=is_empty,
+        description="it need not be driven, unless 'goal' names it; left out: it must",
     )
 
     @property

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from skillplan.domains.assembly.holding import name_side
+from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import make_unit
+from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.task.state import Facts
 
 HAND_FREE = "hand_free"
@@ -62,11 +66,56 @@ def allows_bare_hand(config: AssemblyConfig) -> bool:
     return config.initial_tool is None or config.tool_change.style == "separate"
 
 
+class PlaceOption(NamedTuple):
+    """One of the places that a part may be put at.
+
+    Parameters
+    ----------
+    label
+        Suffix of the names of its facts and skills: empty for the part's own goal.
+    place
+        Name of the place of the arm.
+    done
+        Component whose operation is completed: the place's for interchangeable parts.
+    """
+
+    label: str
+    place: str
+    done: str
+
+
+def list_interchangeable(config: AssemblyConfig, part: str) -> list[str]:
+    """Return the parts that may take each other's goals, the part included."""
+    own = config.parts[part].interchangeable
+    if own is None:
+        return [part]
+    return [name for name, other in config.parts.items() if other.interchangeable == own]
+
+
+def list_place_options(config: AssemblyConfig, part: str) -> list[PlaceOption]:
+    """Return the places that a part may be put at, its own goal first."""
+    options = [PlaceOption("", f"{part}.goal", part)]
+    for other in list_interchangeable(config, part):
+        if other != part:
+            options.append(PlaceOption(f"@{other}", f"{other}.goal", other))
+    for number in range(2, 2 + len(config.parts[part].other_goals or ())):
+        options.append(PlaceOption(f"@{number}", f"{part}.goal_{number}", part))
+    return options
+
+
+def list_tool_labels(owner: PartConfig | ScrewConfig) -> list[tuple[str, str]]:
+    """Return the tools of a part or screw, each with the suffix of its skills' names."""
+    others = owner.other_tools or ()
+    return [("", owner.tool), *((f":{tool}", tool) for tool in others)]
+
+
 def list_facts(config: AssemblyConfig) -> Facts:
     """Return the facts of the task with their exclusive groups."""
     places = [HOME]
-    for part in config.moved_parts:
-        places += [name_start(config, part), f"{part}.goal"]
+    options = {part: list_place_options(config, part) for part in config.moved_parts}
+    for part, goals in options.items():
+        own = (option.place for option in goals if option.done == part)
+        places += [name_start(config, part), *own]
     for part in list_buffered(config):
         places += list_pick_places(config, part)
     places += [f"{tool}.holder" for tool in config.tools]
@@ -84,22 +133,35 @@ def list_facts(config: AssemblyConfig) -> Facts:
     stands = [f"at({place})" for place in dict.fromkeys(places)]
     moved = config.moved_parts
     held = tuple(f"held({part})" for part in moved)
-    whereabouts = tuple((f"at_start({p})", f"held({p})", f"placed({p})") for p in moved)
-    fixed = [FIXED] if config.fixtures else []
     buffered = {
         part: [f"in_buffer({part}.{buffer})" for buffer in buffers]
         for part, buffers in list_buffered(config).items()
     }
+    whereabouts: list[tuple[str, ...]] = [
+        (f"at_start({p})", f"held({p})", f"placed({p})", *buffered.get(p, ()))
+        for p in moved
+        if len(list_interchangeable(config, p)) == 1
+    ]
+    fixed = [FIXED] if config.fixtures else []
     holds = {
         part: [f"grasp({part}.{hold})" for hold in name_holds(config, part) if hold]
         for part in buffered
     }
-    whereabouts = tuple(
-        (*group, *buffered.get(part, ())) for part, group in zip(moved, whereabouts, strict=True)
-    )
+    located = {
+        part: [f"at_goal({part}{option.label})" for option in goals]
+        for part, goals in options.items()
+        if len(goals) > 1
+    }
+    filled: dict[str, list[str]] = {}
+    for part in located:
+        for option in options[part]:
+            filled.setdefault(option.done, []).append(f"at_goal({part}{option.label})")
+    whereabouts += [(f"at_start({p})", f"held({p})", *facts) for p, facts in located.items()]
+    whereabouts += [tuple(facts) for facts in filled.values() if len(facts) > 1]
+    where = [fact for facts in located.values() for fact in facts]
     more = [fact for facts in (*buffered.values(), *holds.values()) for fact in facts]
     return Facts(
-        (*parts, *screws, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more),
+        (*parts, *screws, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more, *where),
         (
             (HAND_FREE, *held),
             tuple(tools),
@@ -126,16 +188,26 @@ def list_pick_places(config: AssemblyConfig, part: str) -> list[str]:
 
 def list_actions(config: AssemblyConfig) -> list[str]:
     """Return all actions in file order: pick and place by part, tool changes, fastenings."""
-    names = []
-    for part in config.moved_parts:
-        picks = [f"pick({name})" for name, _, _ in list_picks(config, part)]
-        puts = [f"place({part}.{buffer})" for buffer in list_buffered(config).get(part, ())]
-        names += [*picks, *puts, f"place({part})"]
+    names: list[str] = []
+    buffered = list_buffered(config)
+    for name, part in config.moved_parts.items():
+        if name in buffered:
+            names += [f"pick({pick})" for pick, _, _ in list_picks(config, name)]
+            names += [f"place({name}.{buffer})" for buffer in buffered[name]]
+            names.append(f"place({name})")
+            continue
+        for by, _ in list_tool_labels(part):
+            names.append(f"pick({name}{by})")
+            names += [f"place({name}{at.label}{by})" for at in list_place_options(config, name)]
     for tool in config.tools:
         if config.tool_change.style == "separate":
             names.append(f"offload({tool})")
         names.append(f"load({tool})")
-    return names + [f"fasten({screw})" for screw in config.screws]
+    return names + [
+        f"fasten({name}{by})"
+        for name, screw in config.screws.items()
+        for by, _ in list_tool_labels(screw)
+    ]
 
 
 def split_literal(text: str) -> tuple[str, bool]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from pydantic import Field
 
@@ -23,15 +23,26 @@ if TYPE_CHECKING:
     from skillplan.model.sequencing import SequencingProblem
     from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
 
+# Methods for problems in which two kinds of jobs alternate, such as taking and filling of
+# interchangeable parts: the others insert single jobs into orders, which then have no finite cost.
+_ALTERNATING: Final[tuple[Method, ...]] = ("branch-and-cut", "tree-search")
+
 # Share of the free memory that is used without a limit.
 _SHARE = 0.7
 _PROOF_TOLERANCE = 1e-9
 
 
 class JobOrderSolver(Solver):
-    """Base of the solvers of sequential ordering problems; refuses other models."""
+    """Base of the solvers of sequential ordering problems; refuses other models.
+
+    Attributes
+    ----------
+    serves_pools
+        True if it solves problems in which jobs of interchangeable parts alternate.
+    """
 
     polls = True
+    serves_pools: ClassVar[bool] = True
 
     def refuses(self, model: SkillModel) -> str | None:
         """Return the reason why the model is not a sequencing problem, or None.
@@ -39,7 +50,9 @@ class JobOrderSolver(Solver):
         A model without any order is accepted: the answer is the obstacle.
         """
         try:
-            self.problem(model)
+            problem = self.problem(model)
+            if problem.assigned and not self.serves_pools:
+                return f"{self.name} does not assign interchangeable parts. Take portfolio."
         except SearchStopped:
             # The search will end for the same reason and return its results.
             return None
@@ -142,7 +155,7 @@ class SequencingSolver(JobOrderSolver):
             )
         search = OrderingSearch(
             orders.instance,
-            self.methods or METHODS,
+            self.methods or (_ALTERNATING if problem.assigned else METHODS),
             seed=seed,
             stop=self.stop,
             on_order=on_order,
@@ -204,6 +217,7 @@ class SubsetDpSolver(SequencingSolver):
     """Bidirectional dynamic programming over feasible subsets; proves where precedence is tight."""
 
     name = "subset-dp"
+    serves_pools = False
     methods = ("subset-dp",)
 
 
@@ -218,6 +232,7 @@ class LocalSearchSolver(SequencingSolver):
     """Ruin and recreate (SISR) with simulated annealing; the linear relaxation is its bound."""
 
     name = "local-search"
+    serves_pools = False
     methods = ("local-search",)
 
     class Options(SequencingSolver.Options):

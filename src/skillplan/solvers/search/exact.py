@@ -18,6 +18,7 @@ from typing import TypeVar
 
 from pydantic import Field
 
+from skillplan.model.pooled_model import make_symmetry_key
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.search.landmark_bound import (
     LandmarkBound,
@@ -118,6 +119,11 @@ class ExactSolver(Solver):
             default=True,
             description="search greedily in between to have a plan at any time [-]",
         )
+        symmetry: bool = Field(
+            default=True,
+            description="treat states as one that differ only in which of interchangeable parts "
+            "is where [-]",
+        )
 
     options: Options
 
@@ -168,6 +174,8 @@ class _Search:
         self.options = solver.options
         self.stop = solver.stop
         self.model = model
+        task = model.task if self.options.symmetry else model.task.replace(pools=())
+        self._key = make_symmetry_key(task)
         self.bound = LandmarkBound(model.task, model.least_cost if model.asks_costs else None)
         # A trajectory takes longer than a geometric check, and less than an execution.
         self._prices_first = any(part.expensive for part in model.feasibility.back_ends)
@@ -204,7 +212,7 @@ class _Search:
                 self.stop.bound(self._floor(ahead), self.expanded)
                 return self._plan, False
             heapq.heappop(queue)
-            known = best.setdefault(label.state.bits, [])
+            known = best.setdefault(self._key(label.state.bits), [])
             if self._dominated(known, label, bounded):
                 continue
             if not (
@@ -229,7 +237,7 @@ class _Search:
                 next_dive = 2 * next_dive + 64
                 self._dive(label)
             for child in self._children(label):
-                if not self._dominated(best.get(child.state.bits, ()), child, bounded):
+                if not self._dominated(best.get(self._key(child.state.bits), ()), child, bounded):
                     self._push(queue, child, limit)
         return self._plan, True
 
@@ -325,13 +333,13 @@ class _Search:
         deep: bool,
     ) -> Iterator[tuple[State, Skill]]:
         """Yield the next questions if the last skill of a label is feasible."""
-        seen = {label.state.bits}
+        seen = {self._key(label.state.bits)}
 
         def ranked(labels: Iterable[_Label]) -> Iterator[Ranked[_Label]]:
             for label in labels:
-                ahead = None if label.state.bits in seen else self._ahead(label, limit)
+                ahead = None if self._key(label.state.bits) in seen else self._ahead(label, limit)
                 if ahead is not None and label.parent is not None:
-                    seen.add(label.state.bits)
+                    seen.add(self._key(label.state.bits))
                     yield ((-label.steps, ahead) if deep else (ahead, -label.steps)), label
 
         return list_questions(
@@ -345,7 +353,7 @@ class _Search:
     def _dive(self, label: _Label) -> None:
         """Follow the least bound, depth first, to one plan within the step limit."""
         limit = self.model.step_limit
-        seen = {label.state.bits}
+        seen = {self._key(label.state.bits)}
         stack = [label]
         for _ in range(8 * limit):
             if not stack or self.stop():
@@ -363,11 +371,11 @@ class _Search:
                 return
             ranked = []
             for order, child in enumerate(self._children(here)):
-                ahead = None if child.state.bits in seen else self._ahead(child, limit)
+                ahead = None if self._key(child.state.bits) in seen else self._ahead(child, limit)
                 if ahead is not None:
                     ranked.append((ahead, order, child))
             for *_, child in sorted(ranked, reverse=True):
-                seen.add(child.state.bits)
+                seen.add(self._key(child.state.bits))
                 stack.append(child)
 
     def _adopt(self, plan: Plan | None) -> None:

@@ -102,7 +102,7 @@ class _Layout:
         self.steps = list_path_steps(task, skills)
         self.skills = skills
         self.starts = task.scene.at(task.initial)
-        self.goals = task.scene.at(task.goal.requires)
+        self.goals = task.scene.at(task.find_finished_state(skills))
         self.fixtures = [body.name for body in task.scene.bodies if body.fixed]
         self.zones = {zone.name: zone for zone in task.scene.zones}
         self.low, self.high = self._extent()

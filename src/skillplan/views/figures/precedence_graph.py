@@ -127,7 +127,7 @@ def build_precedence_graph(
     chart
         Relation that back ends derive; None for the hand-made chart alone.
     """
-    lines = {(line.before, line.after) for line in task.chart}
+    lines = {(line.before, line.after) for line in task.chart if not line.instead}
     reasons = {} if chart is None else {(r.before, r.after): r.reason for r in chart.relations}
     order = {name: number for number, name in enumerate(task.operations)}
     forward, closing = break_cycles(lines | set(reasons), tuple(order))

@@ -82,7 +82,7 @@ class _Area:
 
 def _draw_cell(picture: Picture, task: Task, state: State) -> None:
     scene = task.scene
-    goals, poses = scene.at(task.goal.requires), scene.at(state)
+    goals, poses = scene.at(task.find_finished_state()), scene.at(state)
     outlines = {
         name: [find_outlines(scene.body(name), pose) for pose in _list_poses(task, name)]
         for name in (body.name for body in scene.bodies)
@@ -130,7 +130,7 @@ def _draw_cell(picture: Picture, task: Task, state: State) -> None:
 
 def _list_poses(task: Task, name: str) -> list[Pose]:
     """Return the poses of a body on the table, at the start and at the goal."""
-    known = (task.scene.at(state) for state in (task.initial, task.goal.requires))
+    known = (task.scene.at(state) for state in (task.initial, task.find_finished_state()))
     return [poses[name] for poses in known if name in poses]
 
 

@@ -258,7 +258,7 @@ class _ArmPlayback:
         return tools
 
     def _add_parts(self) -> None:
-        goals = self.scene.at(self.task.goal.requires)
+        goals = self.scene.at(self.task.find_finished_state())
         screws = {skill.parameters.get("screw") for skill in self.task.skills}
         for number, body in enumerate(self.scene.bodies):
             rows: Numbers | None = np.full((len(self.samples), 7), np.nan)
