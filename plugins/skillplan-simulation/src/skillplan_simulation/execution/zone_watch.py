@@ -37,8 +37,8 @@ _OPENING_DECIMALS = 3
 class ZoneWatch:
     """Checks the arm, its tool and its load against keep-out zones.
 
-    Zones are no bodies of the world. Shapes are those that ``swept`` checks, in the measured
-    postures. Between two looks the joints are taken to move straight, without gaps.
+    Zones are no bodies of the world. Shapes are the same as in ``swept``, in the
+    measured postures. Between two looks the joints are taken to move straight, without gaps.
 
     Parameters
     ----------
