@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.exporters import COLUMNS, CsvExporter, Handover, read_cell
+from handovers import solved
+from skillplan import Setup, load_problem
+from skillplan.exporters import (
+    COLUMNS,
+    BehaviourTreeExporter,
+    CsvExporter,
+    Handover,
+    StructuredTextExporter,
+    read_cell,
+)
 from skillplan.exporters.plan_table import _escape
 from skillplan.testing import hostile_task, solved_lid
 
@@ -40,6 +49,15 @@ def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board):
     )
     assert "fasten" == last["kind"]
     assert all(row["from"] == before["to"] for before, row in pairwise(result))
+
+
+@pytest.mark.parametrize("exporter", [CsvExporter, StructuredTextExporter, BehaviourTreeExporter])
+def test_a_file_without_paths_leaves_zones_to_the_controller_and_says_so(exporter, board):
+    task = load_problem("configs/cell_zones.yaml").task
+    zones = solved(task, Setup(collision=("aabb",)))
+    (note,) = exporter().notes(zones)
+    assert note.endswith("keep-out zones and limits of speed of belt, view, curtain, aisle")
+    assert exporter().notes(board) == ()
 
 
 def test_a_spreadsheet_computes_nothing_of_a_name():

@@ -20,6 +20,7 @@ from skillplan.exporters.exporter import (
     Identifiers,
     PlannedSkill,
     format_decimal,
+    note_zones,
     quote,
 )
 from skillplan.task import back_end
@@ -93,10 +94,11 @@ class BehaviourTreeExporter(Exporter):
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return that failed skills are tried again."""
+        """Return that failed skills are tried again, and that the tree holds no zones."""
+        zones = note_zones(handover)
         if not handover.chance:
-            return ()
-        return (f"a skill that fails by chance is tried {self.options.attempts} times",)
+            return zones
+        return (f"a skill that fails by chance is tried {self.options.attempts} times", *zones)
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
         """Return the tree with the models of its nodes."""

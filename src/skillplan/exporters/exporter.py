@@ -204,6 +204,17 @@ class Exporter(ABC):
         """
 
 
+def note_zones(handover: Handover) -> tuple[str, ...]:
+    """Return that a file without paths holds no zones, if the task has any."""
+    zones = handover.task.scene.zones
+    if not zones:
+        return ()
+    names = ", ".join(zone.name for zone in zones)
+    slow = any(zone.speed_m_per_s is not None for zone in zones)
+    what = "keep-out zones and limits of speed" if slow else "keep-out zones"
+    return (f"the file has no paths: the controller must keep the {what} of {names}",)
+
+
 def refuse_chance(handover: Handover) -> str | None:
     """Return the reason why a task with chance is refused, or None."""
     if not handover.chance:

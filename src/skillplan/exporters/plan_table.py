@@ -7,7 +7,13 @@ import io
 from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
-from skillplan.exporters.exporter import Exporter, Handover, PlannedSkill, format_decimal
+from skillplan.exporters.exporter import (
+    Exporter,
+    Handover,
+    PlannedSkill,
+    format_decimal,
+    note_zones,
+)
 
 COLUMNS = (
     "step",
@@ -41,6 +47,10 @@ class CsvExporter(Exporter):
 
     name: ClassVar[str] = "csv"
     suffix: ClassVar[str] = ".csv"
+
+    def notes(self, handover: Handover) -> tuple[str, ...]:
+        """Return that the file holds no zones."""
+        return note_zones(handover)
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
         """Return the table, with escaped formulas (see `read_cell`)."""

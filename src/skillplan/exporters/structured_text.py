@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Final
 
-from skillplan.exporters.exporter import Exporter, Handover, Identifiers, PlannedSkill, quote
+from skillplan.exporters.exporter import (
+    Exporter,
+    Handover,
+    Identifiers,
+    PlannedSkill,
+    note_zones,
+    quote,
+)
 
 # Default length of texts in controllers.
 _LONGEST_TEXT = 80
@@ -102,6 +109,10 @@ class StructuredTextExporter(Exporter):
 
     name: ClassVar[str] = "st"
     suffix: ClassVar[str] = ".st"
+
+    def notes(self, handover: Handover) -> tuple[str, ...]:
+        """Return that the file holds no zones."""
+        return note_zones(handover)
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
         """Return the function block."""
