@@ -151,6 +151,8 @@ def test_a_bound_is_never_above_a_time_with_slow_areas_and_playback_takes_that_t
     for known in (0, held.bits, every):
         bound_s = detector.least_duration_s(place, held.bits & known, ~held.bits & known & every)
         assert bound_s <= slow_s
+    (sentence,) = detector.not_checked()
+    assert sentence == "speed of links behind the tip in aisle: the limit is the tip's"
     skills = [task.skill("pick(part)"), place]
     played = detector.planned_motion(skills, 20).skills[1]
     assert played.end_s - played.begin_s == pytest.approx(slow_s, abs=0.01)

@@ -134,6 +134,12 @@ def list_slow_zones(scene: Scene) -> list[Zone]:
     return [zone for zone in scene.zones if zone.speed_m_per_s is not None]
 
 
+def describe_unchecked_speeds(scene: Scene) -> tuple[str, ...]:
+    """Return that limits of speed hold for the tip only, if there are any."""
+    names = ", ".join(zone.name for zone in list_slow_zones(scene))
+    return (f"speed of links behind the tip in {names}: the limit is the tip's",) if names else ()
+
+
 class SlowTravel:
     """Additional cost of straight travels at one height through zones with a speed limit.
 

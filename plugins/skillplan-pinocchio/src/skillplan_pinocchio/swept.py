@@ -30,6 +30,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan.task.zone import describe_unchecked_speeds
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.arm_paths import ArmPaths, PathSettings, SkillPaths
 from skillplan_pinocchio.hand_sweeps import HandSweeps
@@ -288,12 +289,13 @@ class SweptDetector(Detector):
         return {} if self.refuses() is not None else find_tight_fits(self.task, as_pieces=True)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return limits that the arm's description lacks, and the play that fits are given."""
+        """Return limits that the arm's description lacks, play of fits, and speeds of links."""
         if self.refuses() is not None:
             return ()
         return (
             *self._robot.model.not_checked,
             *describe_unchecked_fits(self.task.scene.bodies, simulated=False),
+            *describe_unchecked_speeds(self.task.scene),
         )
 
     def check(self, skill: Skill, state: State) -> Verdict:

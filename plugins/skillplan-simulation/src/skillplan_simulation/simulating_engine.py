@@ -21,6 +21,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan.task.zone import describe_unchecked_speeds
 from skillplan_pinocchio.tight_fits import (
     describe_unchecked_fits,
     find_blocked_fits,
@@ -161,13 +162,14 @@ class SimulatingEngine(Engine):
         return find_tight_fits(self.task, as_pieces=not self.stands_exact)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return limits that the arm's description lacks, and the play that fits are given."""
+        """Return limits that the arm's description lacks, play of fits, and speeds of links."""
         if self.refuses() is not None:
             return ()
         scene = self.task.scene
         return (
             *scene.robots[0].model.not_checked,
             *describe_unchecked_fits(scene.bodies, simulated=True),
+            *describe_unchecked_speeds(scene),
         )
 
     def record(self, skill: Skill, state: State) -> Record:
