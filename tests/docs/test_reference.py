@@ -185,6 +185,7 @@ PRINTED = [
         for command in (
             "search-optimal configs/ESC12.sop",
             f"search-optimal {BOARD} --pareto time,distance --collision precedence",
+            f"advise {BOARD} --tries 1 --within 0.1",
             f"compare {BOARD} --solvers exhaustive,exact --set step_limit=15",
             "search-optimal configs/swarmitfix_triangular.yaml",
             "search-optimal configs/swarmitfix_fleet.yaml",

@@ -43,7 +43,11 @@ from skillplan.views.report.chapters import (
     prepare_chain_input,
 )
 from skillplan.views.report.page import Chapter
-from skillplan.views.report.solver_chapters import build_comparison_chapter, build_front_chapter
+from skillplan.views.report.solver_chapters import (
+    build_advice_chapter,
+    build_comparison_chapter,
+    build_front_chapter,
+)
 
 _MOST_BYTES = 64 * 2**20
 _REMEDY = "Give a result of search-optimal or compare, a task file, or a folder of train"
@@ -55,6 +59,7 @@ _SEARCH_SHARE = 0.6
 
 # Documents that the page shows as they are, by schema.
 _BUILD: Mapping[str, Callable[[Mapping[str, Any], str], Chapter]] = {
+    schemas.ADVICE: build_advice_chapter,
     schemas.COMPARISON: build_comparison_chapter,
     schemas.FRONT: build_front_chapter,
 }

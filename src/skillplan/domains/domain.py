@@ -134,6 +134,28 @@ class Overview:
     lines: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class CellChange:
+    """A change of a file that may lower the cost of its plans.
+
+    Parameters
+    ----------
+    kind
+        ``place``, ``tool``, ``grip``, ``order`` or ``travel``; kinds are tried in turn.
+    item
+        The thing that changes; only the best change of an item is listed.
+    words
+        The change as an instruction, such as ``move home by +0.1 m in x``.
+    changes
+        YAML values by key path, as ``--set`` takes them.
+    """
+
+    kind: str
+    item: str
+    words: str
+    changes: Mapping[str, str]
+
+
 class Domain(ABC):
     """A kind of task file, found by the entry point group ``skillplan.domain``.
 
@@ -283,6 +305,16 @@ class Domain(ABC):
     def with_cost(self, config: Any, name: str) -> Any:
         """Return a file without issues with another of the costs that `list_costs` names."""
         raise OptionError(f"Tasks of kind {self.kind!r} have a single cost.")
+
+    def list_changes(self, config: Any, within_m: float) -> Iterable[CellChange]:
+        """Return changes of a file that may lower the cost of its plans; none by default.
+
+        Parameters
+        ----------
+        within_m
+            Greatest shift of a place along each axis [m], > 0.
+        """
+        return ()
 
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
         """Return random layouts of the same product.

@@ -243,6 +243,20 @@ class Problem:
             tasks.append(task.replace(name=f"{name}/{index}", sha256=sha256))
         return tuple(tasks)
 
+    def ground_with(self, changes: Mapping[str, str]) -> Task | None:
+        """Return the task with some values changed, without checking it; None for no valid values.
+
+        Parameters
+        ----------
+        changes
+            YAML values by key path, as for `load_task`.
+        """
+        document = apply_changes(self.document, changes)
+        config, faults = _validate(document, self.domain, {"folder": Path(self.source).parent})
+        if config is None or faults:
+            return None
+        return self.domain.ground(config, "")[0]
+
     def account(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
         """Return the domain's results beyond the plans."""
         return self.domain.account(self.config, plans, refinement)

@@ -1,4 +1,5 @@
 from . import registry as registry
+from .advising import advise as advise
 from .certification import certify as certify
 from .chain import solve_chain as solve_chain
 from .comparison import Terms as Terms
@@ -39,6 +40,7 @@ __all__ = [
     "SearchRequest",
     "Setup",
     "Terms",
+    "advise",
     "certify",
     "choose_variants",
     "compare_solvers",

@@ -8,6 +8,7 @@ from __future__ import annotations
 # The verdict store is on a lower floor, which must not import this one.
 
 # Documents that commands print with --format json and save.
+ADVICE = "skillplan.advice/1"
 AGREEMENT = "skillplan.agreement/1"
 ARM = "skillplan.arm/1"
 TOOL = "skillplan.tool/1"

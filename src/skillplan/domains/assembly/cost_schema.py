@@ -43,7 +43,7 @@ class CostConfig(Strict):
         {},
         description="cost of each use, in 'unit': of a tool, for every part that it picks and "
         "every screw that it drives, or of a kind of skill such as load, or of one skill such as "
-        "fasten(screw_1); all that apply are added; left out: none",
+        "fasten(screw_1); several add up; left out: none",
     )
     energy_j: Annotated[dict[Subject, Energy], Field(max_length=256)] = Field(
         {},

@@ -19,7 +19,7 @@ from skillplan.domains.assembly.overview import (
 )
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.zone_faults import find_zone_hints, list_zones
-from skillplan.domains.domain import Domain, Overview
+from skillplan.domains.domain import CellChange, Domain, Overview
 from skillplan.errors import Issue, OptionError
 from skillplan.files.yaml import Document
 from skillplan.task.task import Task
@@ -67,6 +67,12 @@ class AssemblyDomain(Domain):
     def with_cost(self, config: Any, name: str) -> Any:
         """Return the file with another of its costs."""
         return config.model_copy(update={"cost": choose_cost(config.cost, name)})
+
+    def list_changes(self, config: Any, within_m: float) -> Iterable[CellChange]:
+        """Return other places, tools, grips, orders and travels."""
+        from skillplan.domains.assembly.cell_changes import list_changes
+
+        return list_changes(config, within_m)
 
     def has_family(self, config: Any) -> bool:
         """Return True if the file has a block ``family``."""

@@ -133,11 +133,11 @@ def search_front(
         Called with the number of plans after each of them.
     """
     search = _Search(model, objectives, stop, max_labels, on_plan)
-    found = search.run(bounded=False)
-    if any(len(plan.skills) > model.step_limit for plan in found.plans):
+    front = search.run(bounded=False)
+    if any(len(plan.skills) > model.step_limit for plan in front.plans):
         # The plans without a limit are a relaxation; this pass keeps shorter paths, too.
-        found = search.run(bounded=True)
-    return found
+        front = search.run(bounded=True)
+    return front
 
 
 class _Search:

@@ -115,6 +115,71 @@ def build_front_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     return Chapter(name, f"{task}: {' against '.join(labels)}", lead, sections)
 
 
+def build_advice_chapter(document: Mapping[str, Any], name: str) -> Chapter:
+    """Return advice on a cell as a table, with what the time of a cycle is spent on.
+
+    Parameters
+    ----------
+    document
+        ``skillplan.advice/1`` from an untrusted source.
+    """
+    unit = f" [{document['cost_unit']}]" if document.get("cost_unit") else ""
+    tips = document.get("tips")
+    rows: list[list[object]] = []
+    for entry in tips if isinstance(tips, list) else []:
+        tip = _get_mapping(entry)
+        settings = _get_mapping(tip.get("set"))
+        rows.append(
+            [
+                str(len(rows) + 1),
+                tip.get("words"),
+                number(tip.get("saving")),
+                number(tip.get("cost")),
+                seconds(tip.get("makespan_s")),
+                number(tip.get("cycles_per_hour"), 4),
+                "yes" if tip.get("proved") is True else "no",
+                " ".join(f"--set '{key}={value}'" for key, value in settings.items()),
+            ]
+        )
+    task = str(_get_mapping(document.get("task")).get("name"))
+    words = f"{number(document.get('tried'))} changes of the cell were solved, one at a time; "
+    words += f"{len(rows)} that save most are listed."
+    words += " The figures come from the file; nothing was verified for this page."
+    columns = ["no", "change", f"saves{unit}", f"cost{unit}", "time [s]", "cycles/h", "proved"]
+    columns.append("as options")
+    sections = [
+        Section("tips", "Advice", table(f"{len(rows)} changes", columns, rows, "n nnnn")),
+        Section("cycle", "The cycle as it is", facts(_list_cycle(document, unit))),
+    ]
+    return Chapter(name, f"Advice on {task}", tag("p", {"class": "lead"}, words), sections)
+
+
+def _list_cycle(document: Mapping[str, Any], unit: str) -> list[tuple[str, object]]:
+    """Return cost and time of the file, and the counts of the tries."""
+    cycle = _get_mapping(document.get("cycle"))
+    total_s = cycle.get("makespan_s")
+    entries: list[tuple[str, object]] = [
+        (f"Cost{unit}", number(document.get("cost"))),
+        ("Time of the plan [s]", seconds(total_s)),
+        ("Cycles per hour", number(cycle.get("cycles_per_hour"), 4)),
+    ]
+    parts = (("travel_s", "Travel"), ("work_s", "Work"), ("change_s", "Tool changes"))
+    for key, label in parts:
+        value = cycle.get(key)
+        if isinstance(value, int | float) and isinstance(total_s, int | float) and total_s > 0:
+            entries.append((f"{label} [s]", f"{seconds(value)} ({share(value / total_s)})"))
+    counts = (
+        ("proposed", "Changes in all"),
+        ("tried", "Solved"),
+        ("useless", "Solved without a saving"),
+        ("refused", "Refused by the checks of the file"),
+        ("longer", "Places left out that lengthen the plan"),
+    )
+    entries += [(label, number(document.get(key))) for key, label in counts]
+    entries.append(("Ended by", document.get("reason") or "nothing left to try"))
+    return entries
+
+
 def _list_cost_labels(document: Mapping[str, Any]) -> list[str]:
     costs = document.get("costs")
     labels = []

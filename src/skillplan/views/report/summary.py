@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skillplan import __version__
+from skillplan.records.advice import compute_cycles_per_hour
 from skillplan.records.certificate import Certificate, Outcome
 from skillplan.records.result import SimulationOutcome
 from skillplan.views.report.markup import Markup, facts, join, number, seconds, share, tag
@@ -105,6 +106,9 @@ def build_lead(
         if played_s is not None and seconds(played_s) != seconds(planned):
             small += f"; {seconds(played_s)} s along the paths that are played"
         figures.append(("Time of the plan", _append_small(f"{seconds(planned)} s", small)))
+    hourly = compute_cycles_per_hour(planned if measured_s is None else measured_s)
+    if hourly is not None:
+        figures.append(("Cycles per hour", number(hourly, 4)))
     items = [tag("div", {}, tag("dt", {}, name), tag("dd", {}, value)) for name, value in figures]
     return join([sentence, tag("dl", {"class": "figures"}, *items)])
 

@@ -8,6 +8,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from skillplan.model.replay import Step
+from skillplan.records.advice import Advice, Tip, compute_cycles_per_hour
 from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.front import Front
@@ -504,3 +505,70 @@ def describe_front(front: Front) -> list[str]:
             f"{front.stats['expanded']} expanded, {front.stats['wall_s']:.2f} s"
         )
     return notes
+
+
+def tabulate_advice(advice: Advice) -> Table:
+    """Return a row for every change that saves, with the cycle of the file below."""
+    base = advice.base
+    unit = f" [{base.cost_unit}]" if base.cost_unit else ""
+    columns = (
+        Column("no", right=True),
+        Column("change"),
+        Column(f"saves{unit}", right=True),
+        Column("share", right=True),
+        Column(f"cost{unit}", right=True),
+        Column("time [s]", right=True),
+        Column("cycles/h", right=True),
+        Column("proved"),
+    )
+    rows = [_make_tip_row(number, tip, advice) for number, tip in enumerate(advice.tips, start=1)]
+    title = f"{base.task}: advice, physics {base.physics}, collision {base.collision or 'none'}"
+    return Table(title, columns, rows, describe_advice(advice))
+
+
+def _make_tip_row(number: int, tip: Tip, advice: Advice) -> tuple[str, ...]:
+    base, result = advice.base, tip.result
+    share = None if not base.cost else tip.saving / base.cost
+    return (
+        str(number),
+        tip.words,
+        format_number(tip.saving, advice.decimals),
+        format_percent(share),
+        format_number(result.cost, advice.decimals),
+        format_number(result.makespan_s, 1),
+        format_number(compute_cycles_per_hour(result.makespan_s), 1),
+        "yes" if tip.proved else "no",
+    )
+
+
+def describe_advice(advice: Advice) -> list[str]:
+    """Return the file as it is, and the count of tries, each after a label."""
+    base, shares = advice.base, advice.shares
+    notes = []
+    if base.cost is None:
+        notes += describe_status(base.status, base.reason)
+    else:
+        cost = f"{base.cost:.{advice.decimals}f} {base.cost_unit}".rstrip()
+        proved = "proved" if base.gap == 0 else "not proved to be the least"
+        notes.append(f"now        {cost}, {proved}, by {', '.join(base.proved_by)}")
+    if shares is not None and shares.total_s:
+        parts = (("travel", shares.travel_s), ("work", shares.work_s), ("tools", shares.change_s))
+        split = ", ".join(
+            f"{name} {value:.1f} s ({format_percent(value / shares.total_s)})"
+            for name, value in parts
+        )
+        notes.append(
+            f"cycle      {shares.total_s:.1f} s, {shares.cycles_per_hour:.1f} cycles per hour: "
+            f"{split}"
+        )
+    left = f"; {advice.reason}" if advice.reason else ""
+    notes.append(
+        f"tried      {advice.tried} of {advice.proposed} changes solved, {advice.useless} of them "
+        f"save nothing; {advice.refused} refused by the checks of the file; {advice.longer} places "
+        f"left out that lengthen the plan{left}"
+    )
+    if advice.tips:
+        changes = advice.tips[0].changes
+        settings = " ".join(f"--set '{key}={value}'" for key, value in changes.items())
+        notes.append(f"first      {settings}")
+    return [*notes, *describe_unchecked(base.not_checked)]
