@@ -174,6 +174,7 @@ def test_a_place_in_an_area_of_people_is_none():
     ("zone", "cost", "words"),
     [
         ({"min_m": [2, 2], "max_m": [3, 3]}, "time", "has no effect: it is 2.828 m from the base"),
+        ({**AISLE, "height_m": [-0.5, 0.0]}, "time", "has no effect: its top, 0 m, is not above"),
         ({**AISLE, "speed_m_per_s": 0.1}, "distance", "costs time, and the objective is the dist"),
     ],
 )

@@ -133,6 +133,12 @@ def find_zone_hints(config: AssemblyConfig) -> Iterator[Issue]:
                 f"{robot.reaches_m:.3f} m. Move it, or leave it out."
             )
             yield Issue(message, ("zones", name), at_key=True)
+        elif zone.high_m <= 0:
+            message = (
+                f"has no effect: its top, {zone.high_m:g} m, is not above the table. Give "
+                "height_m, bottom and top."
+            )
+            yield Issue(message, ("zones", name, "height_m"))
         elif zone.speed_m_per_s is not None and config.cost == "distance":
             message = (
                 "costs time, and the objective is the distance. Give 'cost: time' if it is to "
