@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from pydantic import Field
 
@@ -88,7 +89,10 @@ def list_sweeps(
             carries = visit.subject
         into, out = _find_stretches(scene, visit)
         load = _load(scene, visit, tool, carries)
-        yield from _sweep_approach(scene, visit, load, robot.safe_height_m, here, into)
+        first = replace(visit, pose=Pose(visit.path[0])) if visit.path else visit
+        yield from _sweep_approach(scene, first, load, robot.safe_height_m, here, into)
+        for begin, end in pairwise((*visit.path, visit.position)):
+            yield from _sweep_load(scene, "the path", visit, load, begin, plus(end, begin, -1.0))
         if visit.event in (Event.GRASP, Event.FETCH):
             carries = visit.subject
         elif visit.event in (Event.RELEASE, Event.DRIVE):

@@ -362,6 +362,8 @@ def _plan_stretches(
     """
     backwards = (-points[0], -points[1], -points[2])
     if grasp is None or body is None:
+        if visit.path:
+            return (tip, *reversed(visit.path)), (tip,)
         if visit.event is not Event.DRIVE or is_same_direction(visit.along, DOWN):
             return (tip,), (tip,)
         below = plus(tip, visit.along, -(visit.insert_m or _SCREW_STRETCH_M))

@@ -162,7 +162,7 @@ class DistanceCost:
         object.__setattr__(self, "_starts", starts)
         routes = []
         for route in self.motion.routes:
-            points = [visit.position for visit in route.visits]
+            points = [point for visit in route.visits for point in (*visit.path, visit.position)]
             beyond = sum(compute_planar_distance(a, b) for a, b in pairwise(points))
             dwell_s = math.fsum(visit.dwell_s for visit in route.visits) if self.dwells else 0.0
             if self.slow is not None:

@@ -93,6 +93,7 @@ class Event(StrEnum):
     OFFLOAD = "offload"
     DRIVE = "drive"
     FETCH = "fetch"
+    WORK = "work"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +119,10 @@ class Visit:
     aside_m
         Displacement from below the target to where the hand comes down and goes up again [m]; None
         above it.
+    path
+        Points in the world that the tip passes at a work before the target [m].
+    press_n
+        Force with which the tip presses at a work [N], >= 0.
     """
 
     pose: Pose
@@ -128,8 +133,12 @@ class Visit:
     insert_m: float | None = None
     dwell_s: float = 0.0
     aside_m: Point | None = None
+    path: tuple[Point, ...] = ()
+    press_n: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.press_n < 0 or not math.isfinite(self.press_n):
+            raise ValueError(f"Visit press_n must be >= 0, not {self.press_n}.")
         if not is_unit(self.along):
             raise ValueError(f"Visit along must be of length 1, not {self.along}.")
         if self.insert_m is not None and not 0 < self.insert_m < math.inf:

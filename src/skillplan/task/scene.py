@@ -228,11 +228,13 @@ class Body:
 
 
 class ToolKind(StrEnum):
-    """Kind of a tool: jaws, suction cup or screwdriver."""
+    """Kind of a tool: jaws, suction cup, screwdriver, press or dispenser."""
 
     GRIPPER = "gripper"
     SUCTION = "suction"
     SCREWDRIVER = "screwdriver"
+    PRESS = "press"
+    DISPENSER = "dispenser"
 
 
 STANDARD_BIT_M: Final = (0.040, 0.005)
@@ -269,7 +271,8 @@ class Tool:
         Distance of its tip beyond the tip of the arm [m], along the axis of the flange; negative
         for a tool that is shorter than the arm's hand.
     bit_m
-        Length and diameter of the bit of a screwdriver [m]; None for the standard one.
+        Length and diameter of the bit of a screwdriver, the ram of a press or the needle of a
+        dispenser [m]; None for the standard one.
     shapes
         Convex shapes of its body, without bit and cups, from its tip, z towards the flange, x along
         the closing axis; empty for a gripper and for a standard shank. A tool may be turned by half

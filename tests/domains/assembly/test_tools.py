@@ -188,3 +188,62 @@ def test_cups_have_opposite_ones_and_all_of_them_land():
         AssemblyConfig.model_validate(content_of({"type": "suction", "cups_m": [[0.01, 0.0]]}))
     cups = {"type": "suction", "cups_m": [[0.02, 0.0], [-0.02, 0.0]]}
     assert any("nothing of the part" in message for _, message in issues_of(content_of(cups)))
+
+
+def glued(**bead):
+    """Return a lid that comes on a base after a bead, and is pressed then."""
+    content = content_of()
+    box = content["parts"].pop("part")
+    content["parts"] = {
+        "base": {**box, "size_m": [0.06, 0.06, 0.02]},
+        "lid": {**box, "size_m": [0.04, 0.04, 0.01], "start_m": [0.4, -0.2], "goal_on": "base"},
+    }
+    content["tools"] |= {
+        "glue": {"type": "dispenser", "holder_m": [0.3, 0.3], "length_m": 0.15},
+        "ram": {"type": "press", "holder_m": [0.3, -0.3], "force_n": 60},
+    }
+    path = {"path_m": [[0.48, 0.0], [0.52, 0.0], [0.52, 0.02]]}
+    content["works"] = {
+        "bead": {"tool": "glue", "on": "base", "before": ["lid"], **(bead or path)},
+        "bond": {"tool": "ram", "on": "lid", "at_m": [0.5, 0.0], "force_n": 50},
+    }
+    del content["step_limit"]
+    return content
+
+
+def test_a_dispenser_follows_its_path_above_the_part_before_the_next_comes():
+    task = assembly(glued())
+    skills = {skill.name: skill for skill in task.skills}
+    assert "dispensed(bead)" in skills["place(lid)"].precondition.requires
+    assert {"pressed(bond)", "dispensed(bead)"} <= set(task.goal.requires)
+    state = skills["dispense(bead)"].precondition.requires | task.facts.of("at(home)")
+    (motion,) = plan_linear_motions(task, skills["dispense(bead)"], state)
+    # 1 mm above the base, which is 0.02 m high; the arm stays behind the needle.
+    xy = [(0.48, 0.0), (0.52, 0.0), (0.52, 0.02)]
+    behind_m = 0.15 - 0.11225
+    assert [point[:2] for point in motion.approach] == [xy[0], *xy]
+    assert motion.approach[-1][2] == pytest.approx(0.021 + behind_m)
+    assert motion.visit.dwell_s == pytest.approx(0.06 / 0.05)
+    state = skills["press(bond)"].precondition.requires | task.facts.of("at(home)")
+    (pressed,) = plan_linear_motions(task, skills["press(bond)"], state)
+    assert (pressed.visit.press_n, pressed.tip[2]) == (50, pytest.approx(0.03))
+
+
+@pytest.mark.parametrize(
+    ("work", "path", "words"),
+    [
+        ({"at_m": [0.6, 0.0]}, ("at_m",), "not lie over the top of 'base'"),
+        ({"at_m": [0.5, 0.0], "tool": "hand"}, ("tool",), "no press or dispenser"),
+        ({"at_m": [0.5, 0.0], "force_n": 9}, ("force_n",), "does not press"),
+        ({"at_m": [0.5, 0.0], "before": ["base"]}, ("before", 0), "can come later"),
+        ({"at_m": [0.5, 0.0], "tool": "ram"}, ("force_n",), "needs its force"),
+        ({"at_m": [0.5, 0.0], "tool": "ram", "force_n": 99}, ("force_n",), "more than 'ram' has"),
+        ({"at_m": [0.5, 0.0], "on": "bse"}, ("on",), "Did you mean 'base'?"),
+    ],
+)
+def test_faults_of_works_have_their_key(work, path, words):
+    content = glued(**work)
+    assert any(
+        words in message and place == ("works", "bead", *path)
+        for place, message in issues_of(content)
+    )

@@ -105,7 +105,29 @@ class GravityCheck:
                 overload = self._on(motion, carried, path)
                 if overload is not None:
                     return overload
-        return None
+        return self._on_press(motion, strokes) if motion.visit.press_n else None
+
+    def _on_press(self, motion: LinearMotion, strokes: Strokes) -> Overload | None:
+        """Return the joint that the force of a press overloads at its target, or None.
+
+        The part pushes back at the tip of the tool; the hand points down.
+        """
+        beyond_m = 0.0 if motion.tool is None else motion.tool.beyond_m
+        back_kg = -motion.visit.press_n / _GRAVITY_M_PER_S2
+        loads = [*self._loads(motion, None), (back_kg, np.array([0.0, 0.0, beyond_m]))]
+        torques_nm = np.abs(self.torques_nm([strokes.down[-1].nodes[-1]], loads))[0]
+        index = int(np.argmax(torques_nm / self.limits_nm))
+        if torques_nm[index] <= self.limits_nm[index]:
+            return None
+        joint = self.arm.description.joints[index]
+        pressed = f"a press with {motion.visit.press_n:g} N"
+        return Overload(
+            joint.name,
+            float(torques_nm[index]),
+            float(self.limits_nm[index]),
+            pressed,
+            joint.is_prismatic,
+        )
 
     def on_travel(self, motion: LinearMotion, path: JointPath) -> Overload | None:
         """Return the overloaded joint on the travel to a motion, or None."""

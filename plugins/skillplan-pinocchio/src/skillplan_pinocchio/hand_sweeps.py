@@ -200,6 +200,8 @@ class HandSweeps:
         for number, (begin, end) in enumerate(pairwise(motion.approach), start=2):
             is_last = number == len(motion.approach)
             label = "the insertion" if is_last and number > 2 else "the approach"
+            if motion.visit.path and number > 2:
+                label = "the path"
             # Down to its goal, even if it is released above it.
             target = motion.grasp_tip if is_last else end
             loads = [*self._load(label, motion, motion.carries, begin, _subtract(begin, target))]

@@ -166,6 +166,10 @@ def _compute_relative_axis(final: Pose, expected: Pose) -> Any:
     return d * axis - w * other - np.cross(other, axis)
 
 
+# Least share of the force of a press.
+_PRESSED = 0.9
+
+
 def _find_fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -> str | None:
     sensed = record.sensed
     if "in_zone" in sensed:
@@ -180,6 +184,9 @@ def _find_fault(skill: Skill, record: Record, visit: Visit, tolerances: Toleranc
             f"{visit.subject} was pressed with {force_n:.1f} N, "
             f"where {tolerances.fastening_n:.1f} N are needed"
         )
+    pressed_n = sensed.get("pressing_force_n")
+    if pressed_n is not None and pressed_n < _PRESSED * visit.press_n:
+        return f"{visit.subject} pressed with {pressed_n:.1f} N instead of {visit.press_n:g} N"
     if "missed" in sensed:
         return str(sensed["missed"])
     inserted_n = sensed.get("insertion_force_n", 0.0)

@@ -50,12 +50,12 @@ def _check_names(config: AssemblyConfig) -> Iterator[Issue]:
         message = f"the name {WORLD!r} is taken by the world frame. Choose another."
         yield Issue(message, ("robot", "name"))
     owners: dict[str, str] = {}
-    for section in ("tools", "feeders", "fixtures", "zones", "buffers", "parts", "screws"):
+    for section in ("tools", "feeders", "fixtures", "zones", "buffers", "parts", "screws", "works"):
         for name in getattr(config, section):
             if name in owners:
                 message = f"the name {name!r} is taken in {owners[name]!r}. Choose another."
                 yield Issue(message, (section, name), at_key=True)
-            elif name == HOME and section in ("feeders", "screws"):
+            elif name == HOME and section in ("feeders", "screws", "works"):
                 message = f"the name {HOME!r} is taken by the robot. Choose another."
                 yield Issue(message, (section, name), at_key=True)
             owners.setdefault(name, section)

@@ -29,6 +29,7 @@ _SECTIONS = {
     **dict.fromkeys(("at_start", "held", "placed", "in_buffer", "grasp"), "parts"),
     "fastened": "screws",
 }
+_SECTIONS |= {"pressed": "works", "dispensed": "works"}
 
 
 class AssemblyDomain(Domain):
@@ -98,6 +99,8 @@ class AssemblyDomain(Domain):
         subject, *where = rest.rstrip(")").split(".")
         if name == "fasten":
             return ("screws", subject, "hole_m")
+        if name in ("press", "dispense"):
+            return ("works", subject)
         if subject not in config.parts:
             return ()
         part = config.parts[subject]

@@ -18,6 +18,7 @@ from skillplan.domains.assembly.resting import find_buffer_issues, find_resting_
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.screw_holes import find_shank_issues
 from skillplan.domains.assembly.screw_schema import ScrewConfig
+from skillplan.domains.assembly.works import find_work_issues, list_work_points
 from skillplan.errors import Issue
 from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus, unit
@@ -66,6 +67,7 @@ def find_geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield faults of loads, grasps and places of an assembly with sound names and shapes."""
     yield from _find_overloads(config)
     yield from find_grasp_issues(config)
+    yield from find_work_issues(config)
     yield from find_insertion_issues(config)
     yield from _find_unreachable_places(config)
     yield from find_resting_issues(config)
@@ -198,6 +200,18 @@ def _list_places(
             yield ("buffers", buffer, "at_m"), *_measure_load(solid, part, spare_m)
     for name, screw in config.screws.items():
         yield ("screws", name, "hole_m"), layout.hole(screw), 0.0, abs(beyond_m[screw.tool])
+    for path, point in _list_work_places(config):
+        yield path, point, beyond_m[config.works[str(path[1])].tool], 0.0
+
+
+def _list_work_places(
+    config: AssemblyConfig,
+) -> Iterator[tuple[tuple[str | int, ...], Point]]:
+    """Yield the points of works on known parts."""
+    for name, work in config.works.items():
+        if work.on in config.parts and work.tool in config.tools:
+            for point in list_work_points(config, name):
+                yield ("works", name, "at_m" if work.path_m is None else "path_m"), point
 
 
 def _measure_load(solid: Solid, part: PartConfig, spare_m: float) -> tuple[Point, float, float]:

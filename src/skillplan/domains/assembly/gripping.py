@@ -108,8 +108,9 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
         for issue in find_tool_issues(tool, kind, config.robot.hand):
             yield issue.under("tools", name)
     for name, part in config.moved_parts.items():
-        if choose_tool_kind(config, part.tool) is ToolKind.SCREWDRIVER:
-            message = f"{part.tool!r} is a screwdriver, which holds no part. Name another."
+        kind = choose_tool_kind(config, part.tool)
+        if kind not in (ToolKind.GRIPPER, ToolKind.SUCTION):
+            message = f"{part.tool!r} is a {kind}, which holds no part. Name another."
             yield Issue(message, ("parts", name, "tool"))
             continue
         for issue in _find_part_issues(config, name):
@@ -133,7 +134,15 @@ _OF_TYPES = {
     "acceleration_m_per_s2": (ToolKind.SUCTION, "cup"),
 }
 # Ends of tools by type, for messages.
-_ENDS = {ToolKind.GRIPPER: "fingers", ToolKind.SUCTION: "cup", ToolKind.SCREWDRIVER: "bit"}
+_ENDS = {
+    ToolKind.GRIPPER: "fingers",
+    ToolKind.SUCTION: "cup",
+    ToolKind.SCREWDRIVER: "bit",
+    ToolKind.PRESS: "ram",
+    ToolKind.DISPENSER: "needle",
+}
+# Tools whose ram or needle has the keys of a bit.
+_WITH_BIT = (ToolKind.PRESS, ToolKind.DISPENSER)
 # Keys that the box about a tool replaces.
 _IN_ENVELOPE = {
     "cup_diameter_m": "the cup is part of the envelope.",
@@ -151,7 +160,8 @@ def find_tool_issues(tool: ToolConfig, kind: ToolKind, hand: Hand) -> Iterator[I
         Hand of the arm.
     """
     for key, (owner, what) in _OF_TYPES.items():
-        if getattr(tool, key) is not None and kind is not owner:
+        owners = (owner, *_WITH_BIT) if key.startswith("bit") else (owner,)
+        if getattr(tool, key) is not None and kind not in owners:
             words = f"a tool of type {kind} has no {what}. Leave it out, or give type: {owner}."
             yield Issue(words, (key,))
         elif getattr(tool, key) is not None and key in _IN_ENVELOPE and tool.envelope_m is not None:

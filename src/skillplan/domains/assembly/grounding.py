@@ -35,6 +35,7 @@ from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kin
 from skillplan.domains.assembly.screw_holes import find_driving, find_shank, list_asides_m
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, FIXED, HAND_FREE, HOME, NO_TOOL
+from skillplan.domains.assembly.works import list_work_points
 from skillplan.task.cost import Cost, DistanceCost, WeightedCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.pose import unit
@@ -126,7 +127,8 @@ class _Grounding:
             **{name: f"fastened({name})" for name in config.screws},
         }
         needed = [name for name in operations if not _get_component(config, name).optional]
-        goal = config.goal or [operations[name] for name in needed]
+        works = [vocabulary.name_work(config, name)[1] for name in config.works]
+        goal = config.goal or [*(operations[name] for name in needed), *works]
         return Task(
             name=config.name,
             kind=config.kind,
@@ -225,6 +227,8 @@ class _Grounding:
             positions[f"{name}.holder"] = tool.holder
         for name, screw in config.screws.items():
             positions[name] = layout.hole(screw)
+        for name in config.works:
+            positions[name] = list_work_points(config, name)[-1]
         for part in vocabulary.list_missed_parts(config):
             positions[f"{part}.missed"] = config.robot.look
         return positions
@@ -251,6 +255,8 @@ class _Grounding:
         for name, screw in self.config.screws.items():
             for label, tool in vocabulary.list_tool_labels(screw):
                 yield self._build_fasten(name, label, tool)
+        for name in self.config.works:
+            yield self._build_work(name)
 
     def _build_skill(
         self,
@@ -454,7 +460,7 @@ class _Grounding:
         return self._build_skill(
             "place",
             f"{name}{option.label}{label}",
-            requires=[f"held({name})", f"tool({tool})"],
+            requires=[f"held({name})", f"tool({tool})", *self._list_works_before(name)],
             forbids=[] if is_only else [f"placed({option.done})"],
             add=[f"placed({option.done})", *located, HAND_FREE],
             delete=[f"held({name})"],
@@ -514,7 +520,12 @@ class _Grounding:
         return self._build_skill(
             "fasten",
             f"{name}{label}",
-            requires=[HAND_FREE, f"tool({tool})", *self._list_threads(screw)],
+            requires=[
+                HAND_FREE,
+                f"tool({tool})",
+                *self._list_threads(screw),
+                *self._list_works_before(name),
+            ],
             forbids=[f"fastened({name})"],
             add=[f"fastened({name})"],
             delete=[],
@@ -523,6 +534,39 @@ class _Grounding:
             ways=ways if len(ways) > 1 else (),
             parameters={"screw": name, "tool": tool, "part": screw.through},
         )
+
+    def _build_work(self, name: str) -> Skill:
+        config, work = self.config, self.config.works[name]
+        *path, last = list_work_points(config, name)
+        action, fact = vocabulary.name_work(config, name)
+        visit = Visit(
+            Pose(last),
+            Event.WORK,
+            name,
+            dwell_s=work.takes_s,
+            path=tuple(path),
+            press_n=work.force_n or 0.0,
+        )
+        return self._build_skill(
+            action.partition("(")[0],
+            name,
+            requires=[HAND_FREE, f"tool({work.tool})", f"placed({work.on})"],
+            forbids=[fact],
+            add=[fact],
+            delete=[],
+            ends_at=name,
+            routes={None: [visit]},
+            parameters={"work": name, "tool": work.tool, "part": work.on},
+        )
+
+    def _list_works_before(self, name: str) -> list[str]:
+        """Return the facts of the works that come before a part or screw."""
+        config = self.config
+        return [
+            vocabulary.name_work(config, work)[1]
+            for work, given in config.works.items()
+            if name in (given.before or ())
+        ]
 
     def _list_threads(self, screw: ScrewConfig) -> list[str]:
         """Return the facts that the parts with a screw's thread are in place."""
@@ -618,7 +662,7 @@ def choose_step_limit(config: AssemblyConfig) -> int:
     if config.step_limit is not None:
         return config.step_limit
     skills_per_change = 2 if config.tool_change.style == "separate" else 1
-    components = len(config.moved_parts) + len(config.screws)
+    components = len(config.moved_parts) + len(config.screws) + len(config.works)
     changes = components + 1 if len(config.tools) > 1 else 1
     failures = [part.grasp_failure for part in config.moved_parts.values()]
     tries = [

@@ -21,7 +21,7 @@ from skillplan.domains.assembly.schema_types import (
     is_empty,
 )
 from skillplan.domains.assembly.screw_schema import ScrewConfig
-from skillplan.domains.assembly.tool_schema import ToolConfig
+from skillplan.domains.assembly.tool_schema import ToolConfig, WorkConfig
 from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
@@ -245,8 +245,15 @@ class AssemblyConfig(Strict):
     screws: Annotated[dict[Name, ScrewConfig], Field(max_length=256)] = Field(
         {}, description="screws by name; left out: none"
     )
+    works: Annotated[dict[Name, WorkConfig], Field(max_length=64)] = Field(
+        {},
+        exclude_if=is_empty,
+        description="works of presses and dispensers on parts, by name; left out: none",
+    )
     goal: Annotated[list[Fact], Field(min_length=1, max_length=4096)] | None = Field(
-        None, description="facts to bring about; left out: every part placed, every screw fastened"
+        None,
+        description="facts to bring about; left out: every part placed, every screw fastened, "
+        "every work done",
     )
     product_parts: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
         None,

@@ -1,4 +1,4 @@
-"""YAML schema of the tools of the changer."""
+"""YAML schema of the tools of the changer, and of the works of presses and dispensers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
-from skillplan.domains.assembly.part_schema import Shaped
+from skillplan.domains.assembly.part_schema import Names, Shaped
 from skillplan.domains.assembly.schema_types import (
     Extents,
     Height,
@@ -21,7 +21,7 @@ from skillplan.domains.assembly.schema_types import (
     is_absent,
 )
 from skillplan.domains.assembly.tool_models import TOOLS, ToolFileError, read_tool_model
-from skillplan.domains.domain import Strict
+from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import (
     Located,
     continue_sentence,
@@ -59,7 +59,7 @@ class ToolConfig(Strict):
         description=f"{', '.join(TOOLS)}, or a file of a tool in the task file's folder, or in a "
         "folder of it; the keys given here come first; left out: none",
     )
-    type: Literal["gripper", "suction", "screwdriver"] | None = Field(
+    type: Literal["gripper", "suction", "screwdriver", "press", "dispenser"] | None = Field(
         None,
         description="its type; left out: screwdriver if it only drives screws, else gripper",
     )
@@ -69,8 +69,8 @@ class ToolConfig(Strict):
     )
     force_n: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
         None,
-        description="greatest force of a gripper or a suction cup [N]; left out: default of the "
-        "engine",
+        description="greatest force of a gripper, suction cup or press [N]; left out: default of "
+        "the engine",
     )
     jaw_profile_m: Annotated[list[JawRow], Field(min_length=2, max_length=32)] | None = Field(
         None,
@@ -94,12 +94,13 @@ class ToolConfig(Strict):
     bit_length_m: Annotated[float, Field(ge=1e-3, le=1)] | None = Field(
         None,
         exclude_if=is_absent,
-        description="length of the bit of a screwdriver below its body [m]; left out: 0.04",
+        description="length of the bit of a screwdriver, the ram of a press or the needle of a "
+        "dispenser below its body [m]; left out: 0.04",
     )
     bit_diameter_m: Annotated[float, Field(ge=5e-4, le=0.1)] | None = Field(
         None,
         exclude_if=is_absent,
-        description="diameter of the bit of a screwdriver [m]; left out: 0.005",
+        description="diameter of that bit, ram or needle [m]; left out: 0.005",
     )
     torque_nm: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
         None,
@@ -328,6 +329,53 @@ class ToolConfig(Strict):
         ]
         # A hand may be turned by half a turn, and the tool with it.
         return tuple(dict.fromkeys([*shapes, *map(_turn_shape, shapes)]))
+
+
+class WorkConfig(Strict):
+    """A press that pushes on a part, or a dispenser that puts a bead or drop on it."""
+
+    tool: Name = Field(description="its tool, of type press or dispenser")
+    on: Name = Field(description="the part on whose top it acts, which is at its goal then")
+    at_m: Planar | None = Field(
+        None, description="place, x y [m]; instead of path_m; on the top of the part"
+    )
+    path_m: Annotated[list[Planar], Field(min_length=2, max_length=64)] | None = Field(
+        None, description="corners of the path of a dispenser, x y [m]; instead of at_m"
+    )
+    before: Names | None = Field(
+        None, description="parts and screws that come after it; left out: none"
+    )
+    force_n: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
+        None,
+        description="force of a press, at most that of its tool [N]; left out: a dispenser has "
+        "none",
+    )
+    speed_m_per_s: Annotated[float, Field(ge=1e-4, le=10)] = Field(
+        0.05, description="speed of a dispenser along its path [m/s]"
+    )
+    gap_m: Annotated[float, Field(ge=0, le=0.1)] = Field(
+        0.001, description="gap between the needle of a dispenser and the part [m]"
+    )
+    dwell_s: Annotated[float, Field(ge=0, le=1e6)] = Field(
+        1.0, description="time of a press at its force, or of a dispenser at the place [s]"
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> WorkConfig:
+        if (self.at_m is None) == (self.path_m is None):
+            raise Located("give one of 'at_m' and 'path_m'.")
+        return self
+
+    @property
+    def corners(self) -> list[tuple[float, float]]:
+        """Corners of the path, or the one place, x y [m]."""
+        return [(x, y) for x, y in self.path_m or [self.at_m or [0.0, 0.0]]]
+
+    @property
+    def takes_s(self) -> float:
+        """Time at the target [s]."""
+        length_m = sum(math.dist(begin, end) for begin, end in pairwise(self.corners))
+        return self.dwell_s if self.path_m is None else length_m / self.speed_m_per_s
 
 
 def _outline_fingers(boxes: Sequence[Box]) -> JawProfile:

@@ -119,7 +119,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
     for part in list_buffered(config):
         places += list_pick_places(config, part)
     places += [f"{tool}.holder" for tool in config.tools]
-    places += list(config.screws)
+    places += [*config.screws, *config.works]
     places += [f"{part}.missed" for part in list_missed_parts(config)]
     parts = [
         f"{fact}({name})"
@@ -127,6 +127,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
         for fact in (("placed",) if part.fixed else ("at_start", "held", "placed"))
     ]
     screws = [f"fastened({screw})" for screw in config.screws]
+    works = [name_work(config, name)[1] for name in config.works]
     tools = [f"tool({tool})" for tool in config.tools]
     if allows_bare_hand(config):
         tools.append(NO_TOOL)
@@ -161,7 +162,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
     where = [fact for facts in located.values() for fact in facts]
     more = [fact for facts in (*buffered.values(), *holds.values()) for fact in facts]
     return Facts(
-        (*parts, *screws, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more, *where),
+        (*parts, *screws, *works, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more, *where),
         (
             (HAND_FREE, *held),
             tuple(tools),
@@ -203,11 +204,26 @@ def list_actions(config: AssemblyConfig) -> list[str]:
         if config.tool_change.style == "separate":
             names.append(f"offload({tool})")
         names.append(f"load({tool})")
-    return names + [
+    names += [
         f"fasten({name}{by})"
         for name, screw in config.screws.items()
         for by, _ in list_tool_labels(screw)
     ]
+    return names + [name_work(config, name)[0] for name in config.works]
+
+
+def name_work(config: AssemblyConfig, name: str) -> tuple[str, str]:
+    """Return the action of a work, and the fact that it is done."""
+    tool = config.tools.get(config.works[name].tool)
+    presses = tool is not None and tool.type == "press"
+    return (
+        (f"press({name})", f"pressed({name})")
+        if presses
+        else (
+            f"dispense({name})",
+            f"dispensed({name})",
+        )
+    )
 
 
 def split_literal(text: str) -> tuple[str, bool]:

@@ -111,6 +111,47 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     robot.carry(None)
 
 
+def press(robot: ControlledRobot, motion: LinearMotion) -> None:
+    """Feel the part, press with the force of a work, and measure it over the last half.
+
+    Parameters
+    ----------
+    robot
+        Robot with its tool shortly above the part.
+
+    Raises
+    ------
+    StuckError
+        If an obstacle blocks the arm.
+    """
+    world, arm, settings = robot.world, robot.arm, robot.settings
+    assert arm.setpoint is not None
+    along, force_n = np.array(motion.points), motion.visit.press_n
+    tools = set(robot.tools.robot_parts)
+    parts = {name for name in (*world.bodies, TABLE) if name not in tools}
+    robot.log.expected |= {(min(a, b), max(a, b)) for a in tools for b in parts}
+    contact = np.array(motion.tip)
+    depth = dot(along, arm.setpoint.position - contact)
+    while depth < settings.press_travel_m and robot.log.pressing_n(tools, parts) < _FELT_N:
+        depth += _FEEL_SPEED_M_PER_S * STEP_S
+        _hold(robot, contact + depth * along)
+        robot.step()
+    arm.press_n = force_n * along
+    readings = []
+    steps = round(_PRESS_S / STEP_S)
+    for step in range(steps):
+        if settings.control == "osc":
+            depth = dot(along, arm.tip().position - contact)
+        elif robot.log.pressing_n(tools, parts) < force_n:
+            depth += _PRESS_SPEED_M_PER_S * STEP_S
+        _hold(robot, contact + depth * along)
+        robot.step()
+        if step >= steps // 2 and step % STEPS_PER_FRAME == 0:
+            readings.append(robot.log.pressing_n(tools, parts))
+    arm.press_n = np.zeros(3)
+    robot.sensed["pressing_force_n"] = float(np.mean(readings))
+
+
 def _hold(robot: ControlledRobot, position: Vector) -> None:
     """Set the target of the tip to a point at rest."""
     setpoint = robot.arm.setpoint
@@ -338,7 +379,7 @@ class SkillRunner(ControlledRobot):
     def _stops_m(self, motion: LinearMotion) -> float:
         """Return the distance from the target at which the tip stops [m]."""
         event = motion.visit.event
-        if event is Event.DRIVE:
+        if event is Event.DRIVE or motion.visit.press_n:
             return FEEL_FROM_M
         if event in (Event.LOAD, Event.OFFLOAD):
             return _DOCK_GAP_M
@@ -375,6 +416,11 @@ class SkillRunner(ControlledRobot):
         elif event is Event.FETCH:
             self.log.phase(f"the fetching of {subject}")
             put_at_bit(self, *self._driven(motion))
+            self.wait(_SUCTION_S)
+        elif event is Event.WORK:
+            self.log.phase(f"the work {subject}")
+            if motion.visit.press_n:
+                press(self, motion)
             self.wait(_SUCTION_S)
         else:
             self.log.phase(f"the driving of {subject}")

@@ -1,0 +1,43 @@
+"""Length and shape of tools, paths of dispensers and forces of presses, by the swept hulls."""
+
+from pathlib import Path
+
+import pytest
+
+from skillplan.pipeline import load_problem
+from skillplan_pinocchio import SweptDetector
+
+CELL = Path(__file__).parents[3] / "configs" / "cell_tools.yaml"
+PLAN = ("pick(housing)", "place(housing)", "load(glue)")
+
+
+def reason(skill, *before, **changes):
+    """Return why `swept` refuses a skill of the cell after others; empty if it does not."""
+    (task,) = load_problem(CELL, changes=changes).tasks
+    skills = {item.name: item for item in task.skills}
+    state = task.initial
+    for name in before:
+        state = skills[name].prediction_in(state).apply(state)
+    verdict = SweptDetector(task).check(skills[skill], state)
+    return "" if verdict.is_feasible else verdict.reason
+
+
+def test_a_dispenser_is_checked_along_its_path():
+    assert reason("dispense(bead)", *PLAN) == ""
+    high = {"works.bead.path_m": "[[0.43, -0.05], [0.47, -0.05]]"}
+    before = (*PLAN[:2], "load(tongs)", "pick(pin)", "place(pin)", "load(glue)")
+    assert "glue runs into pin on the path" in reason("dispense(bead)", *before, **high)
+
+
+def test_joints_bear_the_force_of_a_press():
+    assert reason("press(bond)", "load(ram)") == ""
+    strong = {"works.bond.force_n": "900", "tools.ram.force_n": "1000"}
+    assert "would bear" in reason("press(bond)", "load(ram)", **strong)
+
+
+@pytest.mark.parametrize(("length_m", "free"), [("0.13", False), ("0.20", True)])
+def test_a_longer_tool_keeps_the_wrist_away(length_m, free):
+    """A wall beside the pin meets the hand of short tongs, not that of long ones."""
+    wall = "{wall: {size_m: [0.02, 0.10, 0.10], at_m: [0.275, 0.12]}}"
+    changes = {"fixtures": wall, "tools.tongs.length_m": length_m, "tools.tongs.body": "null"}
+    assert (reason("pick(pin)", "load(tongs)", **changes) == "") is free
