@@ -204,8 +204,8 @@ def glued(**bead):
     }
     path = {"path_m": [[0.48, 0.0], [0.52, 0.0], [0.52, 0.02]]}
     content["works"] = {
-        "bead": {"tool": "glue", "on": "base", "before": ["lid"], **(bead or path)},
-        "bond": {"tool": "ram", "on": "lid", "at_m": [0.5, 0.0], "force_n": 50},
+        "bead": {"tool": "glue", "part": "base", "before": ["lid"], **(bead or path)},
+        "bond": {"tool": "ram", "part": "lid", "at_m": [0.5, 0.0], "force_n": 50},
     }
     del content["step_limit"]
     return content
@@ -238,7 +238,7 @@ def test_a_dispenser_follows_its_path_above_the_part_before_the_next_comes():
         ({"at_m": [0.5, 0.0], "before": ["base"]}, ("before", 0), "can come later"),
         ({"at_m": [0.5, 0.0], "tool": "ram"}, ("force_n",), "needs its force"),
         ({"at_m": [0.5, 0.0], "tool": "ram", "force_n": 99}, ("force_n",), "more than 'ram' has"),
-        ({"at_m": [0.5, 0.0], "on": "bse"}, ("on",), "Did you mean 'base'?"),
+        ({"at_m": [0.5, 0.0], "part": "bse"}, ("part",), "Did you mean 'base'?"),
     ],
 )
 def test_faults_of_works_have_their_key(work, path, words):

@@ -209,7 +209,7 @@ def _list_work_places(
 ) -> Iterator[tuple[tuple[str | int, ...], Point]]:
     """Yield the points of works on known parts."""
     for name, work in config.works.items():
-        if work.on in config.parts and work.tool in config.tools:
+        if work.part in config.parts and work.tool in config.tools:
             for point in list_work_points(config, name):
                 yield ("works", name, "at_m" if work.path_m is None else "path_m"), point
 

@@ -550,13 +550,13 @@ class _Grounding:
         return self._build_skill(
             action.partition("(")[0],
             name,
-            requires=[HAND_FREE, f"tool({work.tool})", f"placed({work.on})"],
+            requires=[HAND_FREE, f"tool({work.tool})", f"placed({work.part})"],
             forbids=[fact],
             add=[fact],
             delete=[],
             ends_at=name,
             routes={None: [visit]},
-            parameters={"work": name, "tool": work.tool, "part": work.on},
+            parameters={"work": name, "tool": work.tool, "part": work.part},
         )
 
     def _list_works_before(self, name: str) -> list[str]:

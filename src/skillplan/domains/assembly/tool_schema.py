@@ -335,7 +335,7 @@ class WorkConfig(Strict):
     """A press that pushes on a part, or a dispenser that puts a bead or drop on it."""
 
     tool: Name = Field(description="its tool, of type press or dispenser")
-    on: Name = Field(description="the part on whose top it acts, which is at its goal then")
+    part: Name = Field(description="the part on whose top it acts, which is at its goal then")
     at_m: Planar | None = Field(
         None, description="place, x y [m]; instead of path_m; on the top of the part"
     )

@@ -15,7 +15,7 @@ from skillplan.task.scene import ToolKind
 def list_work_points(config: AssemblyConfig, name: str) -> list[Point]:
     """Return the points of the tool's tip in a work on a part of a sound file [m]."""
     work = config.works[name]
-    solid = get_layout(config).goal(work.on)
+    solid = get_layout(config).goal(work.part)
     gap_m = 0.0 if work.force_n is not None else work.gap_m
     return [(x, y, (solid.top_m(x, y) or 0.0) + gap_m) for x, y in work.corners]
 
@@ -29,9 +29,9 @@ def find_work_issues(config: AssemblyConfig) -> Iterator[Issue]:
             hint = name_hint(work.tool, config.tools)
             yield Issue(f"unknown tool {work.tool!r}. {hint}", (*path, "tool"))
             continue
-        if work.on not in config.parts:
-            hint = name_hint(work.on, config.parts)
-            yield Issue(f"unknown part {work.on!r}. {hint}", (*path, "on"))
+        if work.part not in config.parts:
+            hint = name_hint(work.part, config.parts)
+            yield Issue(f"unknown part {work.part!r}. {hint}", (*path, "part"))
             continue
         tool = config.tools[work.tool]
         if tool.type not in (ToolKind.PRESS, ToolKind.DISPENSER):
@@ -42,18 +42,18 @@ def find_work_issues(config: AssemblyConfig) -> Iterator[Issue]:
             issue.under(*path) for issue in _find_force_issues(work, tool.type, tool.force_n)
         )
         for index, other in enumerate(work.before or ()):
-            if other == work.on or other not in later:
-                hint = name_hint(other, [item for item in later if item != work.on])
+            if other == work.part or other not in later:
+                hint = name_hint(other, [item for item in later if item != work.part])
                 yield Issue(
                     f"is no part or screw that can come later: {other!r}. {hint}",
                     (*path, "before", index),
                 )
-        solid = get_layout(config).goal(work.on)
+        solid = get_layout(config).goal(work.part)
         key = "at_m" if work.path_m is None else "path_m"
         for index, (x_m, y_m) in enumerate(work.corners):
             if solid.top_m(x_m, y_m) is None:
                 place = (key,) if work.path_m is None else (key, index)
-                yield Issue(f"does not lie over the top of {work.on!r}. Move it.", (*path, *place))
+                yield Issue(f"does not lie over the top of {work.part!r}. Move it.", (*path, *place))
 
 
 def _find_force_issues(work: WorkConfig, kind: str, most_n: float | None) -> Iterator[Issue]:
