@@ -215,15 +215,9 @@ def list_actions(config: AssemblyConfig) -> list[str]:
 def name_work(config: AssemblyConfig, name: str) -> tuple[str, str]:
     """Return the action of a work, and the fact that it is done."""
     tool = config.tools.get(config.works[name].tool)
-    presses = tool is not None and tool.type == "press"
-    return (
-        (f"press({name})", f"pressed({name})")
-        if presses
-        else (
-            f"dispense({name})",
-            f"dispensed({name})",
-        )
-    )
+    if tool is not None and tool.type == "press":
+        return f"press({name})", f"pressed({name})"
+    return f"dispense({name})", f"dispensed({name})"
 
 
 def split_literal(text: str) -> tuple[str, bool]:

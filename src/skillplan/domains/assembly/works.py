@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.tool_schema import WorkConfig
+from skillplan.domains.assembly.vocabulary import list_place_options
 from skillplan.errors import Issue, name_hint
 from skillplan.task.pose import Point
 from skillplan.task.scene import ToolKind
@@ -33,6 +34,11 @@ def find_work_issues(config: AssemblyConfig) -> Iterator[Issue]:
             hint = name_hint(work.part, config.parts)
             yield Issue(f"unknown part {work.part!r}. {hint}", (*path, "part"))
             continue
+        moved = work.part in config.moved_parts
+        if moved and len(list_place_options(config, work.part)) > 1:
+            words = f"{work.part!r} has several goals. Name a part with one."
+            yield Issue(words, (*path, "part"))
+            continue
         tool = config.tools[work.tool]
         if tool.type not in (ToolKind.PRESS, ToolKind.DISPENSER):
             words = f"{work.tool!r} is no press or dispenser. Give it a type, or name another."
@@ -53,7 +59,9 @@ def find_work_issues(config: AssemblyConfig) -> Iterator[Issue]:
         for index, (x_m, y_m) in enumerate(work.corners):
             if solid.top_m(x_m, y_m) is None:
                 place = (key,) if work.path_m is None else (key, index)
-                yield Issue(f"does not lie over the top of {work.part!r}. Move it.", (*path, *place))
+                yield Issue(
+                    f"does not lie over the top of {work.part!r}. Move it.", (*path, *place)
+                )
 
 
 def _find_force_issues(work: WorkConfig, kind: str, most_n: float | None) -> Iterator[Issue]:
