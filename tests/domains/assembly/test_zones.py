@@ -165,6 +165,17 @@ def test_a_place_in_a_zone_that_nothing_may_enter_is_a_fault(zone, words):
     assert any(words in message for message in messages(config_of({"z": zone})))
 
 
+def test_buffers_and_other_goals_are_places_as_well():
+    zone = {"min_m": [0.55, -0.1], "max_m": [0.75, 0.1], "keeps_out": "load"}
+    buffers = {"buffers": {"shelf": {"at_m": [0.6, 0.0]}}}
+    cell = config_of({"z": zone}, **buffers, parts={"part": {**PART, "buffers": ["shelf"]}})
+    assert any("'part' in 'shelf' is in the zone z" in message for message in messages(cell))
+    goals = {"part": {**PART, "other_goals": [{"goal_m": [0.6, 0.0]}]}}
+    (message,) = messages(config_of({"z": zone}, parts=goals))
+    assert "the goal of 'part' is in the zone z, which keeps the load out" in message
+    assert "other_goals" in message
+
+
 def test_a_place_in_an_area_of_people_is_none():
     everywhere = {"min_m": [-1, -1], "max_m": [1, 1], "speed_m_per_s": 0.25}
     assert messages(config_of({"z": everywhere})) == []

@@ -11,7 +11,6 @@ from skillplan.domains.assembly.cost_schema import find_cost_issues
 from skillplan.domains.assembly.geometry_faults import find_geometry_issues, find_shape_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.vocabulary import HOME, list_actions, list_facts, split_literal
-from skillplan.domains.assembly.zone_faults import find_zone_issues
 from skillplan.errors import Issue, name_hint
 from skillplan.task.scene import WORLD
 
@@ -41,7 +40,6 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
     if not any(issue.path[0] in sections for issue in issues):
         issues += islice(find_geometry_issues(config), _MAX_ISSUES)
         issues += islice(find_variant_issues(config), _MAX_ISSUES)
-        issues += islice(find_zone_issues(config), _MAX_ISSUES)
     return issues
 
 

@@ -19,6 +19,7 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.screw_holes import find_shank_issues
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.works import find_work_issues, list_work_points
+from skillplan.domains.assembly.zone_faults import find_zone_issues
 from skillplan.errors import Issue
 from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus, unit
@@ -72,6 +73,7 @@ def find_geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     yield from _find_unreachable_places(config)
     yield from find_resting_issues(config)
     yield from find_buffer_issues(config)
+    yield from find_zone_issues(config)
     holes = list(_find_hole_issues(config))
     yield from holes or find_shank_issues(config)
 

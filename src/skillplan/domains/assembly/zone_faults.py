@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from skillplan.collision.solid import Solid
 from skillplan.domains.assembly.gripping import list_grasps
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig
@@ -74,6 +75,10 @@ def _list_arm_places(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[
         goal = layout.goal(name).pose
         words = f"the grasp of {name!r} at its goal"
         yield ("parts", name, "goal_m"), words, [*map(goal.apply, tips)]
+        for buffer in part.buffers or ():
+            pose = layout.buffered(name, buffer).pose
+            words = f"the grasp of {name!r} in {buffer!r}"
+            yield ("buffers", buffer, "at_m"), words, [*map(pose.apply, tips)]
     for name, screw in config.screws.items():
         yield ("screws", name, "hole_m"), f"the hole of {name!r}", [_lift(layout.hole(screw))]
 
@@ -94,14 +99,18 @@ def _list_loads(config: AssemblyConfig) -> Iterator[tuple[_Path, str, _Load]]:
     """
     layout = get_layout(config)
     for name, part in config.moved_parts.items():
-        for solid, words, key in (
-            (layout.start(name), "the start", "start_m" if part.start_m else "start_on"),
-            (layout.goal(name), "the goal", "goal_m"),
-        ):
-            key = "feeder" if part.feeder is not None and key != "goal_m" else key
+        start_key = "start_on" if part.start_m is None else "start_m"
+        start_key = start_key if part.feeder is None else "feeder"
+        places: list[tuple[_Path, str, Solid]] = [
+            (("parts", name, start_key), f"the start of {name!r}", layout.start(name)),
+            (("parts", name, "goal_m"), f"the goal of {name!r}", layout.goal(name)),
+        ]
+        for buffer in part.buffers or ():
+            here: _Path = ("buffers", buffer, "at_m")
+            places.append((here, f"{name!r} in {buffer!r}", layout.buffered(name, buffer)))
+        for path, words, solid in places:
             prisms = [piece.prism for piece in solid.pieces if piece.prism is not None]
-            load: _Load = [(list(prism.face), prism.low_m, prism.high_m) for prism in prisms]
-            yield ("parts", name, key), f"{words} of {name!r}", load
+            yield path, words, [(list(prism.face), prism.low_m, prism.high_m) for prism in prisms]
     for name, screw in config.screws.items():
         x_m, y_m, z_m = layout.hole(screw)
         radius_m = screw.head_diameter_m / 2
@@ -110,7 +119,7 @@ def _list_loads(config: AssemblyConfig) -> Iterator[tuple[_Path, str, _Load]]:
             for angle in (math.pi * step / 8 for step in range(16))
         ]
         if screw.direction == (0.0, 0.0, -1.0):
-            load = [(rim, z_m, z_m + screw.head_height_m)]
+            load: _Load = [(rim, z_m, z_m + screw.head_height_m)]
             yield ("screws", name, "hole_m"), f"the head of {name!r}", load
 
 
