@@ -10,6 +10,7 @@ from skillplan.collision.solid import Solid
 from skillplan.domains.assembly.gripping import list_grasps
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.works import list_work_points
 from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Overview
 from skillplan.errors import Issue
@@ -81,6 +82,11 @@ def _list_arm_places(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[
             yield ("buffers", buffer, "at_m"), words, [*map(pose.apply, tips)]
     for name, screw in config.screws.items():
         yield ("screws", name, "hole_m"), f"the hole of {name!r}", [_lift(layout.hole(screw))]
+    for name, work in config.works.items():
+        if work.part in config.parts and work.tool in config.tools:
+            for point in list_work_points(config, name):
+                key = "at_m" if work.path_m is None else "path_m"
+                yield ("works", name, key), f"{name!r}", [_lift(point)]
 
 
 def _lift(point: Point) -> Point:
