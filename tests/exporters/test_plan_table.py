@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handovers import solved
+from situations import assembly
 from skillplan import Setup, load_problem
 from skillplan.exporters import (
     COLUMNS,
@@ -21,7 +22,7 @@ from skillplan.exporters import (
     read_cell,
 )
 from skillplan.exporters.plan_table import _escape
-from skillplan.testing import hostile_task, solved_lid
+from skillplan.testing import hostile_task, lid_content, solved_lid
 
 
 def rows(handover: Handover) -> list[dict[str, str]]:
@@ -58,6 +59,22 @@ def test_a_file_without_paths_leaves_zones_to_the_controller_and_says_so(exporte
     (note,) = exporter().notes(zones)
     assert note.endswith("keep-out zones and limits of speed of belt, view, curtain, aisle")
     assert exporter().notes(board) == ()
+
+
+def test_a_stated_torque_reaches_the_controller():
+    """In each format of a plan; without one, files are as before."""
+    content = lid_content()
+    content["screws"]["screw"]["torque_nm"] = 2.8
+    handover = solved(assembly(content))
+    *others, fasten = rows(handover)
+    assert (fasten["torque_nm"], {row["torque_nm"] for row in others}) == ("2.8", {""})
+    (tree,) = BehaviourTreeExporter().files(handover).values()
+    assert 'torque_nm="2.8"' in tree
+    assert '<input_port name="torque_nm"' in tree
+    (block,) = StructuredTextExporter().files(handover).values()
+    assert "Torque : REAL;" in block
+    assert block.count("Torque := 0.0;") == len(others)
+    assert "Torque := 2.8;" in block
 
 
 def test_a_spreadsheet_computes_nothing_of_a_name():

@@ -422,8 +422,8 @@ def find_spans(
     distances = np.einsum("ij,ij->i", normals, first[faces] - begin) / steep
     points = begin + distances[:, None] * along
     inside = np.ones(len(faces), dtype=bool)
-    for one, other in ((first, second), (second, third), (third, first)):
-        turn = np.cross(other[faces] - one[faces], points - one[faces])
+    for corner, following in ((first, second), (second, third), (third, first)):
+        turn = np.cross(following[faces] - corner[faces], points - corner[faces])
         inside &= np.einsum("ij,ij->i", turn, normals) >= -1e-12 * np.abs(steep)
     spans: list[tuple[float, float]] = []
     depth, entered, last = 0, 0.0, (math.nan, False)

@@ -22,6 +22,7 @@ from skillplan.exporters.exporter import (
     format_decimal,
     note_zones,
     quote,
+    states_torques,
 )
 from skillplan.task import back_end
 
@@ -43,6 +44,8 @@ PORTS = {
     "cost": "cost in the task's unit",
     "duration_s": "duration [s]",
 }
+# Port of a plan with screws whose torque is stated.
+_TORQUE_PORT = {"torque_nm": "tightening torque of a screw [N m]"}
 
 _SKILL_TREE = """\
   <BehaviorTree ID="{tree}">
@@ -109,16 +112,18 @@ class BehaviourTreeExporter(Exporter):
         lines.append('<root BTCPP_format="4" main_tree_to_execute="plan">')
         lines.append('  <BehaviorTree ID="plan">\n    <Sequence>')
         for skill in handover.skills:
-            ports = " ".join(
-                f'{key}="{escape(value)}"' for key, value in _list_ports(skill).items()
+            given = " ".join(
+                f'{key}="{escape(value)}"'
+                for key, value in (_list_ports(skill) | _list_torque(skill, handover)).items()
             )
             tree, name = trees[skill.skill.kind], names[skill.skill.name]
-            lines.append(f'      <SubTree ID="{tree}" name="{name}" {ports}/>')
+            lines.append(f'      <SubTree ID="{tree}" name="{name}" {given}/>')
         lines.append("    </Sequence>\n  </BehaviorTree>")
         text = "\n".join(lines) + "\n"
         for kind in kinds:
             text += _SKILL_TREE.format(tree=trees[kind], attempts=self.options.attempts)
-        models = "\n".join(_write_models([trees[kind] for kind in kinds]))
+        ports = PORTS | (_TORQUE_PORT if states_torques(handover) else {})
+        models = "\n".join(_write_models([trees[kind] for kind in kinds], ports))
         return {"plan.xml": f"{text}  <TreeNodesModel>\n{models}\n  </TreeNodesModel>\n</root>\n"}
 
 
@@ -166,18 +171,28 @@ def _list_ports(planned: PlannedSkill) -> dict[str, str]:
     return dict(zip(PORTS, map(escape_text, values), strict=True))
 
 
-def _write_models(trees: list[str]) -> Iterator[str]:
+def _list_torque(planned: PlannedSkill, handover: Handover) -> dict[str, str]:
+    """Return the torque of a skill, empty where it has none; no port if no skill has one."""
+    if not states_torques(handover):
+        return {}
+    torque_nm = planned.torque_nm
+    return {"torque_nm": "" if torque_nm is None else format_decimal(torque_nm)}
+
+
+def _write_models(trees: list[str], ports: Mapping[str, str]) -> Iterator[str]:
     for tree in trees:
-        yield from _write_model("SubTree", tree, defaults=False)
-        yield from _write_model("Action", f"Execute_{tree}")
-        yield from _write_model("Action", f"Recover_{tree}")
+        yield from _write_model("SubTree", tree, ports, defaults=False)
+        yield from _write_model("Action", f"Execute_{tree}", ports)
+        yield from _write_model("Action", f"Recover_{tree}", ports)
     for name in ("SkillApplicable", "SkillDone"):
-        yield from _write_model("Condition", name)
+        yield from _write_model("Condition", name, ports)
 
 
-def _write_model(kind: str, name: str, *, defaults: bool = True) -> Iterator[str]:
+def _write_model(
+    kind: str, name: str, ports: Mapping[str, str], *, defaults: bool = True
+) -> Iterator[str]:
     yield f'    <{kind} ID="{name}">'
-    for port, meaning in PORTS.items():
+    for port, meaning in ports.items():
         default = f' default="{{{port}}}"' if defaults else ""
         yield f'      <input_port name="{port}" type="std::string"{default}>{meaning}</input_port>'
     yield f"    </{kind}>"

@@ -52,6 +52,13 @@ class PlannedSkill:
         """Tool of the skill; may be empty."""
         return self.skill.parameters.get("tool", "")
 
+    @property
+    def torque_nm(self) -> float | None:
+        """Tightening torque of a screw that it drives [N m]; None if none is stated."""
+        if self.skill.motion is None:
+            return None
+        return self.skill.motion.visits(self.before)[-1].torque_nm
+
 
 @dataclass(frozen=True)
 class TrainedPolicy:
@@ -202,6 +209,11 @@ class Exporter(ABC):
 
         Called only if `refuses` returns None. Texts are written as UTF-8, the last file last.
         """
+
+
+def states_torques(handover: Handover) -> bool:
+    """Return True if a skill of the plan has a tightening torque."""
+    return any(planned.torque_nm is not None for planned in handover.skills)
 
 
 def note_zones(handover: Handover) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from skillplan.exporters.exporter import (
     PlannedSkill,
     format_decimal,
     note_zones,
+    states_torques,
 )
 
 COLUMNS = (
@@ -37,6 +38,9 @@ COLUMNS = (
     "goal_z_m",
     "way",
 )
+TORQUE_COLUMN = "torque_nm"
+"""Last column of a plan with screws whose torque is stated."""
+
 # Spreadsheets take cells with these first characters for formulas. The last one escapes such
 # texts.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "'")
@@ -56,10 +60,13 @@ class CsvExporter(Exporter):
         """Return the table, with escaped formulas (see `read_cell`)."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(COLUMNS)
+        with_torque = states_torques(handover)
+        writer.writerow((*COLUMNS, *((TORQUE_COLUMN,) if with_torque else ())))
         begin_s = 0.0
         for skill in handover.skills:
-            writer.writerow(_build_row(skill, begin_s, handover.task.metric.unit))
+            row = _build_row(skill, begin_s, handover.task.metric.unit)
+            torque = "" if skill.torque_nm is None else format_decimal(skill.torque_nm)
+            writer.writerow((*row, *((torque,) if with_torque else ())))
             begin_s += skill.step.duration_s
         return {"plan.csv": text.getvalue()}
 

@@ -12,6 +12,7 @@ from skillplan.exporters.exporter import (
     PlannedSkill,
     note_zones,
     quote,
+    states_torques,
 )
 
 # Default length of texts in controllers.
@@ -40,11 +41,13 @@ VAR_OUTPUT
     FromPlace : STRING[80];
     ToPlace : STRING[80];
     ExpectedTime : TIME;
-END_VAR
+{torque}END_VAR
 VAR
     Started : BOOL;
 END_VAR
 """
+
+_TORQUE = "    Torque : REAL;       // tightening torque of a screw [N m], 0 of other skills\n"
 
 _FRAME = """\
 IF NOT Execute THEN
@@ -85,7 +88,7 @@ _STEP = """\
         FromPlace := '{origin}';
         ToPlace := '{destination}';
         ExpectedTime := T#{milliseconds}ms;
-        IF NOT Started THEN
+{torque}        IF NOT Started THEN
             // The answer to the skill before has to be taken back first.
             IF NOT SkillDone AND NOT SkillError THEN
                 SkillExecute := TRUE;
@@ -118,10 +121,16 @@ class StructuredTextExporter(Exporter):
         """Return the function block."""
         task = handover.task
         block = Identifiers([task.name], prefix="fb_")
-        steps = "".join(_write_step(skill, i) for i, skill in enumerate(handover.skills, start=1))
+        with_torque = states_torques(handover)
+        steps = "".join(
+            _write_step(skill, number, with_torque=with_torque)
+            for number, skill in enumerate(handover.skills, start=1)
+        )
+        torque = _TORQUE if with_torque else ""
         constant = f"VAR CONSTANT\n    LAST_STEP : INT := {len(handover.skills)};\nEND_VAR\n"
         text = "\n".join(_write_head(handover, block)) + "\n"
-        text += f"FUNCTION_BLOCK {block[task.name].upper()}\n{_DECLARATIONS}{constant}\n"
+        declarations = _DECLARATIONS.format(torque=torque)
+        text += f"FUNCTION_BLOCK {block[task.name].upper()}\n{declarations}{constant}\n"
         return {"plan.st": text + _FRAME.format(steps=steps.rstrip("\n"), error=_ERROR_STEP)}
 
 
@@ -137,7 +146,7 @@ def _write_head(handover: Handover, block: Identifiers) -> Iterator[str]:
         yield f"// {line}"
 
 
-def _write_step(planned: PlannedSkill, number: int) -> str:
+def _write_step(planned: PlannedSkill, number: int, *, with_torque: bool) -> str:
     return _STEP.format(
         number=number,
         following=number + 1,
@@ -150,6 +159,7 @@ def _write_step(planned: PlannedSkill, number: int) -> str:
         origin=_escape(planned.origin),
         destination=_escape(planned.destination),
         milliseconds=round(1000 * planned.step.duration_s),
+        torque=f"        Torque := {float(planned.torque_nm or 0.0)};\n" if with_torque else "",
     )
 
 

@@ -123,6 +123,8 @@ class Visit:
         Points in the world that the tip passes at a work before the target [m].
     press_n
         Force with which the tip presses at a work [N], >= 0.
+    torque_nm
+        Tightening torque of a screw [N m], > 0, for the controller; None if it is not stated.
     """
 
     pose: Pose
@@ -135,6 +137,7 @@ class Visit:
     aside_m: Point | None = None
     path: tuple[Point, ...] = ()
     press_n: float = 0.0
+    torque_nm: float | None = None
 
     def __post_init__(self) -> None:
         if self.press_n < 0 or not math.isfinite(self.press_n):

@@ -508,6 +508,7 @@ class _Grounding:
                 insert_m=stretch_m,
                 dwell_s=driving.takes_s,
                 aside_m=aside_m,
+                torque_nm=screw.torque_nm,
             )
             for aside_m in list_asides_m(chosen, name)
         ]

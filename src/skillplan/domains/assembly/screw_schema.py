@@ -1,8 +1,7 @@
 """YAML schema of screws: size, head, shank, hole and thread, with the facts of the standards.
 
-Pitches are those of the coarse series of ISO 261. Heads are the greatest of ISO 4762 (socket), ISO
-7045 (pan), ISO 7380-1 (button) and ISO 4017 (hex); a hexagon counts as the circle through its
-corners, so that a driver's socket has room.
+Pitches are of the coarse series of ISO 261. Heads are the greatest of ISO 4762 (socket), ISO 7045
+(pan), ISO 7380-1 (button) and ISO 4017 (hex); a hexagon counts as the circle through its corners.
 """
 
 from __future__ import annotations
@@ -101,7 +100,7 @@ _HEADS_MM: Final[dict[str, dict[str, tuple[float, float]]]] = {
     },
 }
 _STEEL_KG_M3: Final = 7850.0
-# Keys that say more about a thread, which only a size has.
+# Keys of a thread, which only a size has.
 _THREAD_KEYS = ("head", "length_m", "pitch_m", "engagement_m", "into")
 
 
