@@ -31,6 +31,7 @@ from skillplan_cad.relation_file import format_relation
 from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm
 from skillplan_cad.writing.build_task import build_task
 from skillplan_cad.writing.fit_play import PLAY_M
+from skillplan_cad.writing.held_part import LONG_ARM
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import WrittenTask
 from skillplan_cad.writing.upright import Upright
@@ -346,7 +347,12 @@ def plan_product(
             lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
     ups = ATTITUDES.values() if settings.up == AUTO else ()
     others = (find_bearing(product, relation, up, without) for up in ups)
-    task = build_task(loose, relation, plan, arm, bearing, without, remarks, others, writing)
+    longer = LONG_ARM if settings.robot == AUTO_ARM else None
+    task = build_task(
+        loose, relation, plan, arm, bearing, without, remarks, others, writing, longer
+    )
+    if task.document and task.document["robot"]["model"] != arm:
+        lines.append(f"arm {LONG_ARM}: it brings parts that are out of reach of {arm}")
     document["attitude"] = build_attitude_document(task.bearing)
     warnings += list_attitude_warnings(product, relation, task.bearing, settings.up)
     document |= build_left_out_document(task.left_out)

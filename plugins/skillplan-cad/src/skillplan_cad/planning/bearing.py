@@ -175,6 +175,8 @@ class _Standing:
                     self._touched[name] |= 1 << self._numbers[other]
         self._known: dict[tuple[str, int, bool], bool] = {}
         self._earlier: dict[str, int] = {}
+        self._blockers: dict[int, list[int]] = {}
+        self._heights: dict[int, float] = {}
         self._joined = {
             name: set(fastener.joins)
             for name in self._driven
@@ -334,7 +336,7 @@ class _Standing:
         removed: list[str] = []
         names = self._relation.names
         # From the top: parts below may still be needed.
-        order = sorted(list_members(present), key=lambda n: (-self._get_height(names[n]), -n))
+        order = sorted(list_members(present), key=lambda n: (-self._get_height(n), -n))
         progress = True
         while progress:
             progress = False
@@ -345,9 +347,11 @@ class _Standing:
                     progress = True
         return removed, present
 
-    def _get_height(self, name: str) -> float:
-        part = self._product.parts[self._numbers[name]]
-        return round(float(np.asarray(part.centre_m) @ self._vector), 6)
+    def _get_height(self, number: int) -> float:
+        if number not in self._heights:
+            centre_m = np.asarray(self._product.parts[number].centre_m)
+            self._heights[number] = round(float(centre_m @ self._vector), 6)
+        return self._heights[number]
 
     def _is_free(self, number: int, present: int, ground: float) -> bool:
         """Return whether a part can leave upwards or sideways, and all others stay."""
@@ -368,18 +372,17 @@ class _Standing:
 
     def _list_blockers(self, number: int, name: str) -> list[int]:
         """Return the blockers of a part in each direction that is not downwards."""
-        if name in self._driven:
-            axis = np.asarray(self._get_axis(name))
-            return [
+        if number not in self._blockers:
+            is_driven = name in self._driven
+            along = np.asarray(self._get_axis(name)) if is_driven else self._vector
+            least = _ALONG if is_driven else -_SIDEWAYS
+            blockers = [
                 blockers
                 for direction, blockers in self._relation.blocker_sets[number]
-                if float(np.dot(self._relation.directions[direction], axis)) > _ALONG
-            ] or [0]
-        return [
-            blockers
-            for direction, blockers in self._relation.blocker_sets[number]
-            if float(np.dot(self._relation.directions[direction], self._vector)) > -_SIDEWAYS
-        ]
+                if float(np.dot(self._relation.directions[direction], along)) > least
+            ]
+            self._blockers[number] = blockers or [0] if is_driven else blockers
+        return self._blockers[number]
 
     def _choose_withdrawn(self, left: int, ground: float) -> str:
         """Return the part without which most others are placed; ties go to the lightest."""

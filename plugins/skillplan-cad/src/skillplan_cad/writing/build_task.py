@@ -45,6 +45,7 @@ def build_task(
     remarks: Mapping[str, str] | None = None,
     others: Iterable[Bearing] | None = None,
     watch: Watch | None = None,
+    longer: str | None = None,
 ) -> WrittenTask:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
@@ -67,13 +68,15 @@ def build_task(
         all, or none if `bearing` is given.
     watch
         Progress reports, and requests to stop: parts that were not tried then are left out.
+    longer
+        Another arm, tried in the best orientation if parts are out of reach; None for none.
     """
     watch = watch or Watch()
     cuts = Cuts(product)
 
-    def build(bearing: Bearing, least: float = 0.0) -> WrittenTask:
+    def build(bearing: Bearing, arm: str, least: float = 0.0) -> WrittenTask:
         with TaskTrials(watch) as trials:
-            builder = _TaskBuilder(product, relation, plan, robot, bearing, remarks or {})
+            builder = _TaskBuilder(product, relation, plan, arm, bearing, remarks or {})
             return builder.build(absent, cuts, trials, watch, least)
 
     absent = dict(without or {})
@@ -81,24 +84,30 @@ def build_task(
         ups = () if bearing is not None else ATTITUDES.values()
         others = (find_bearing(product, relation, up, absent) for up in ups)
     first = bearing or find_best_bearing(product, relation, absent)
-    best = build(first)
+    best = build(first, robot)
     most = _weigh(product, best.names)
-    if most >= _ENOUGH * _weigh(product, _list_promised(relation, first)):
-        return best
+    enough = _ENOUGH * _weigh(product, _list_promised(relation, first))
     ranked = sorted(
         (
             (_weigh(product, _list_promised(relation, other, best)), other)
-            for other in others
+            for other in (others if most < enough else ())
             if other.up != first.up
         ),
         key=lambda pair: -pair[0],
     )
     for promised, other in ranked[:_MOST_ORIENTATIONS]:
         if promised > most and not watch.must_stop():
-            task = build(other, most)
+            task = build(other, robot, most)
             weight = _weigh(product, task.names)
             if weight > most:
                 best, most = task, weight
+    far = [name for name, reason in best.left_out.items() if reason.kind == "unreachable"]
+    if longer is not None and longer != robot and far and not watch.must_stop():
+        up = best.bearing.up
+        again = first if first.up == up else find_bearing(product, relation, up, absent)
+        task = build(again, longer, most)
+        if _weigh(product, task.names) > most:
+            best = task
     return best
 
 

@@ -46,8 +46,9 @@ TIPS_PROFILE_M = (
 _GOOD_M2, _NEAR_M = 6e-6, 0.012
 # Least share of the product's mass of a part that stands there from the start beside the base.
 _FRAME_SHARE = 0.15
-# Arm to try if a place is out of reach.
-_LONG_ARM = "ur10e"
+LONG_ARM = "ur10e"
+"""Arm to try if a place is out of reach."""
+
 _SIDES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
 
 
@@ -226,7 +227,7 @@ class PartHolds:
         elif self._fix(name, words):
             return {}
         if failure.is_far:
-            remedy = "" if self._robot == _LONG_ARM else f"; --robot {_LONG_ARM} reaches farther"
+            remedy = "" if self._robot == LONG_ARM else f"; --robot {LONG_ARM} reaches farther"
             return {name: LeftOut(name, "unreachable", f"{words}{remedy}")}
         return {name: LeftOut(name, "no grasp", words)}
 

@@ -175,9 +175,11 @@ class PieceProof:
         """Find the differences of the pairs with some parts anew."""
         known = [pair for pair in self._wrong if not {pair.part, pair.by} & set(names)]
         pieces_of = {name: own.pieces for name, own in self._loosened.items()}
-        found = _find_differences(self._product, self._relation, pieces_of, names, self._upright)
+        differences = _find_differences(
+            self._product, self._relation, pieces_of, names, self._upright
+        )
         self._wrong = tuple(
-            sorted((*known, *found), key=lambda pair: (pair.direction, pair.part, pair.by))
+            sorted((*known, *differences), key=lambda pair: (pair.direction, pair.part, pair.by))
         )
 
     def _list_proved(self) -> ProvedPieces:
