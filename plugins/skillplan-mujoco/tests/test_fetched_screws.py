@@ -142,20 +142,18 @@ def verdict_in_cell(skill: str, setup: Setup, **driver: Any) -> Verdict:
     return make_model(task, setup).verdict(state, task.skill(skill))
 
 
+SLOW = pytest.mark.slow(reason="from below by swept in every run")
+
+
 @pytest.mark.parametrize(
-    "back_end",
+    ("skill", "back_end"),
     [
-        "swept",
-        pytest.param("pybullet", marks=pytest.mark.slow(reason="one of three; swept in every run")),
-        pytest.param("mujoco", marks=pytest.mark.slow(reason="one of three; swept in every run")),
-    ],
-)
-@pytest.mark.parametrize(
-    "skill",
-    [
-        "fasten(below_1)",
-        pytest.param("fasten(side)", marks=pytest.mark.slow(reason="from below in every run")),
-        pytest.param("fasten(top_1)", marks=pytest.mark.slow(reason="from below in every run")),
+        ("fasten(below_1)", "swept"),
+        pytest.param("fasten(side)", "swept", marks=SLOW),
+        pytest.param("fasten(top_1)", "swept", marks=SLOW),
+        pytest.param("fasten(below_1)", "pybullet", marks=SLOW),
+        pytest.param("fasten(below_1)", "mujoco", marks=SLOW),
+        pytest.param("fasten(side)", "mujoco", marks=SLOW),
     ],
 )
 def test_screws_go_in_from_below_from_the_side_and_from_above(skill, back_end):
