@@ -44,8 +44,11 @@ class PlannedSkill:
 
     @property
     def subject(self) -> str:
-        """Object of the skill: ``pcb`` of ``pick(pcb)``."""
-        return get_argument(self.skill.name)
+        """Object of the skill: ``pcb`` of ``pick(pcb)``, ``a`` of ``place(a@b)``."""
+        argument = get_argument(self.skill.name)
+        # A choice of place or tool follows the name of the object.
+        own = argument.partition("@")[0].partition(":")[0]
+        return own if own in self.skill.parameters.values() else argument
 
     @property
     def tool(self) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from skillplan.checks.feasibility import Feasibility
 from skillplan.errors import SearchStopped
-from skillplan.task.cost import WeightedCost
+from skillplan.task.cost import WaitingCost, WeightedCost
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -108,6 +108,7 @@ class SkillModel:
         self._transitions: dict[State, tuple[Transition, ...]] = {}
         self._times = feasibility.times
         self._timed = bool(self._times.sources)
+        self._waits = any(isinstance(s.duration_s, WaitingCost) for s in self.task.skills)
         self.asks_costs = self._timed and self.task.metric.depends_on_time
         self._unknown = 0
         self._left_open = ""
@@ -257,10 +258,32 @@ class SkillModel:
         """
         if not self._timed:
             return skill.duration_s.at(state)
+        waiting = skill.duration_s
+        if isinstance(waiting, WaitingCost):
+            duration_s = self._compute_duration_s(state, skill)
+            last = waiting.find_last(state)
+            if last is None:
+                return duration_s
+            return waiting.prolong(duration_s, self._find_time_since_s(state, last, skill))
+        return self._compute_duration_s(state, skill)
+
+    def _find_time_since_s(self, state: State, last: str, skill: Skill) -> float:
+        """Return the time of the skill that led to `state` from the place that `skill` goes to."""
+        done = self.task.skill(last)
+        stands = skill.prediction.add.bits & done.prediction.delete.bits
+        before = state.bits & ~done.prediction.add.bits | done.precondition.requires.bits | stands
+        return self.duration_s(self.task.facts.state(before), done)
+
+    def _compute_duration_s(self, state: State, skill: Skill) -> float:
+        """Return the duration of `skill` in `state` without waiting for a feeder [s]."""
         said_s = self._times.duration_s(self.feasibility.taken(skill, state), state)
-        if said_s is not None:
+        figure = skill.duration_s
+        if said_s is not None and not self._waits:
             return said_s
-        figure_s = skill.duration_s.at(state)
+        figure_s = (figure.cost if isinstance(figure, WaitingCost) else figure).at(state)
+        if said_s is not None:
+            # A wait for a feeder assumes that no skill is faster than the task's figure.
+            return max(said_s, figure_s)
         bits = state.bits
         least_s = self._times.least_s(skill, bits, self.task.facts.all_bits & ~bits)
         return max(figure_s, least_s) if math.isfinite(least_s) else figure_s

@@ -275,6 +275,46 @@ class WeightedCost:
         return self.fixed + self.per_m * least_m + self.per_s * least_s
 
 
+@dataclass(frozen=True)
+class WaitingCost(DerivedCost):
+    """The duration of taking a part from a feeder that needs time to present the next one.
+
+    Two takes end at least one cycle apart. The state tells the time since the last take if the arm
+    comes straight from the place of that part; otherwise more than a cycle must have passed.
+
+    Parameters
+    ----------
+    cost
+        Duration without waiting [s].
+    cycle_s
+        Least time between the ends of two takes [s], > 0.
+    after
+        Skill that ended the last take's part, and time since that take [s], by the place of the
+        arm; a back end may know another time.
+    """
+
+    cost: Cost
+    cycle_s: float
+    after: Mapping[int, tuple[str, float]] = field(hash=False)
+
+    def at(self, state: State) -> float:
+        """Return the duration in `state`, with the time of waiting."""
+        since_s = next((s for bit, (_, s) in self.after.items() if state.bits & bit), math.inf)
+        return self.prolong(self.cost.at(state), since_s)
+
+    def least(self, true_bits: int, false_bits: int) -> float:
+        """Return a lower bound, without waiting."""
+        return self.cost.least(true_bits, false_bits)
+
+    def prolong(self, duration_s: float, since_s: float) -> float:
+        """Return a duration with waiting, `since_s` after the last take [s]."""
+        return max(duration_s, self.cycle_s - since_s)
+
+    def find_last(self, state: State) -> str | None:
+        """Return the skill with which the part of the last take was placed, if it was the last."""
+        return next((name for bit, (name, _) in self.after.items() if state.bits & bit), None)
+
+
 def compute_planar_distance(start: Point, goal: Point) -> float:
     """Return the horizontal distance between two points [m]."""
     return math.hypot(goal[0] - start[0], goal[1] - start[1])

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.cost_schema import CostConfig, compute_fixed_cost, make_metric
+from skillplan.domains.assembly.feeding import add_waits
 from skillplan.domains.assembly.gripping import (
     choose_tool_kind,
     describe_candidates,
@@ -121,6 +122,8 @@ class _Grounding:
         """Return the task."""
         config, facts = self.config, self.facts
         skills = {skill.name: skill for skill in self._list_skills()}
+        if any(feeder.cycle_s for feeder in config.feeders.values()):
+            skills = add_waits(config, skills, facts)
         order = config.actions or vocabulary.list_actions(config)
         operations = {
             **{name: f"placed({name})" for name in config.moved_parts},

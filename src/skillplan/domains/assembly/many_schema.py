@@ -84,7 +84,7 @@ class PatternConfig(Strict):
 
 
 class TrayConfig(Strict):
-    """A tray or rack that parts and screws lie in at the start."""
+    """A tray or rack that parts lie in at the start."""
 
     at_m: Planar = Field(description="place of its first pocket, x y [m]")
     height_m: Extent = Field(

@@ -53,6 +53,17 @@ class FeederConfig(Strict):
     height_m: Height = Field(
         0.0, description="height of the support of a part, or of the head of a screw [m]"
     )
+    cycle_s: Annotated[float, Field(gt=0, le=3600)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="least time between the ends of two picks from it [s]; the wait counts in "
+        "times, also of back ends, but 'simulate' and playbacks run without it; left out: none",
+    )
+    capacity: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="number of parts or screws before it is empty; left out: not limited",
+    )
 
     @property
     def position(self) -> Point:
@@ -236,7 +247,7 @@ class AssemblyConfig(Strict):
     trays: Trays = Field(
         {},
         exclude_if=is_empty,
-        description="trays and racks by name, in whose pockets parts and screws lie at the start; "
+        description="trays and racks by name, in whose pockets parts lie at the start; "
         "each is a fixture with plates beneath its pockets; left out: none",
     )
     parts: Annotated[dict[Name, PartConfig], Field(min_length=1, max_length=256)] = Field(
