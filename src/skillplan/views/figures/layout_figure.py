@@ -73,7 +73,11 @@ def list_path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
         if skill.motion is not None:
             robot = task.scene.robot(skill.motion.robot)
             (_, begin), (_, end) = robot.place(state), robot.place(after)
-            visits = [visit.position for visit in skill.motion.visits(state)]
+            visits = [
+                point
+                for visit in skill.motion.visits(state)
+                for point in (*visit.path, visit.position)
+            ]
             stops = [point[:2] for point in (begin, *visits, end)]
             steps.append(PathStep(number, tuple(point for point, _ in groupby(stops))))
         state = after
