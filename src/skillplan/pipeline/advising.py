@@ -1,4 +1,4 @@
-"""Advice on a cell: changes of its file are tried, and those that save most are listed with proof.
+"""Advice on a cell: changes of its file are tried, and the largest savings are listed with proof.
 
 Each change makes a task of its own: it passes the checks of `load_problem`, and the same solver and
 back ends solve it. Kinds of changes take turns. Places come in the order in which they shorten the
@@ -113,7 +113,7 @@ def advise(
     tries
         Greatest number of changed tasks that are solved, >= 1.
     stop
-        Limits of the whole search; what was found until then is returned.
+        Limits of the whole search; advice so far is returned at the end.
 
     Raises
     ------
@@ -180,7 +180,7 @@ def advise(
 
 
 def share_times(task: Task, result: Result) -> TimeShares:
-    """Return what the time of a plan is spent on."""
+    """Return the time of a plan by travel, work and tool change."""
     travel_s = work_s = change_s = 0.0
     state = task.initial
     for step in result.steps:

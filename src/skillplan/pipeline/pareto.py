@@ -187,7 +187,7 @@ def _replay(
         state = skill.prediction_in(state).apply(state)
     for cost, claimed in zip(costs, plan.costs, strict=True):
         if abs(cost - claimed) > 2 * tolerance(cost):
-            return None, f"the search says that a plan costs {claimed!r}; it costs {cost!r}"
+            return None, f"a plan costs {cost!r}, not {claimed!r} as the search claims"
     actions = tuple(task.action(skill) for skill in skills)
     point = FrontPoint((costs[0], costs[1]), True, plan.skills, actions, replayed.duration_s)
     return point, ""

@@ -14,7 +14,7 @@ _S_PER_H = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class TimeShares:
-    """Time of a plan by what it is spent on [s].
+    """Time of a plan by travel, work and tool change [s].
 
     Parameters
     ----------

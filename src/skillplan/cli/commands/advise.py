@@ -49,7 +49,7 @@ def command(
             "--within",
             parser=positive_number(_MOST_SHIFT_M),
             metavar="M",
-            help="Greatest shift of a place along x and along y [m].",
+            help="Greatest shift of a place along x and along y, in metres.",
             rich_help_panel=TASK,
         ),
     ] = 0.2,

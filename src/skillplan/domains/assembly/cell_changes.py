@@ -125,7 +125,7 @@ def _list_travels(config: AssemblyConfig) -> Iterator[CellChange]:
 
 
 def _list_places(config: AssemblyConfig) -> Iterator[tuple[str, dict[str, Sequence[float]]]]:
-    """Yield what can stand elsewhere, with the keys and values that move with it."""
+    """Yield movable things, each with the keys and values that move with it."""
     holders: dict[tuple[float, ...], list[str]] = {}
     for name, tool in config.tools.items():
         holders.setdefault(tuple(tool.holder_m), []).append(name)
@@ -146,7 +146,7 @@ def _list_places(config: AssemblyConfig) -> Iterator[tuple[str, dict[str, Sequen
 
 
 def _list_stack(config: AssemblyConfig, lowest: str) -> list[str]:
-    """Return a fixture or part with all that stands on it at the start."""
+    """Return a fixture or part and everything on top of it at the start."""
     stack = [lowest]
     for name in stack:
         stack += [n for n, fixture in config.fixtures.items() if fixture.stands_on == name]

@@ -129,7 +129,7 @@ def find_cost_issues(
 
 
 def list_cost_names(cost: str | CostConfig) -> tuple[str, ...]:
-    """Return the names of the costs that a file can be asked for."""
+    """Return the names of the costs of a file."""
     names = ["distance", "time"]
     if isinstance(cost, CostConfig):
         names += ["cost", *(["wear"] if cost.wear else []), *(["energy"] if cost.energy_j else [])]

@@ -116,7 +116,7 @@ def build_front_chapter(document: Mapping[str, Any], name: str) -> Chapter:
 
 
 def build_advice_chapter(document: Mapping[str, Any], name: str) -> Chapter:
-    """Return advice on a cell as a table, with what the time of a cycle is spent on.
+    """Return advice on a cell as a table, with the shares of the cycle.
 
     Parameters
     ----------
