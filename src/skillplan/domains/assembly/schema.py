@@ -111,7 +111,7 @@ class ChartLine(Strict):
         exclude_if=is_absent,
         description="the part or screw that comes first; instead of any_of",
     )
-    any_of: Annotated[list[Name], Field(min_length=2, max_length=64)] | None = Field(
+    any_of: Annotated[list[Name], Field(min_length=1, max_length=64)] | None = Field(
         None,
         exclude_if=is_absent,
         description="parts and screws of which at least one comes first; instead of before",
