@@ -96,6 +96,6 @@ def test_a_broken_figure_is_listed_with_the_reason(register, value, reason):
     """It breaks neither the help nor the other figures."""
     register(tour=value)
     assert reason in describe_figures()["tour"]
-    assert load_figure_module("gantt", "assembly").SOLVER == "exact"
+    assert load_figure_module("gantt", "assembly").SOLVER == "auto"
     with pytest.raises(PluginError, match=reason):
         load_figure_module("tour", "sop")

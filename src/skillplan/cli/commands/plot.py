@@ -54,7 +54,7 @@ class Solving:
         str | None,
         solver_option(
             "Solver whose answer is drawn. Default: the solver of RESULT; for TASK that of the "
-            "figure: sarsa for learning, auto for rewards, exact for most."
+            "figure: sarsa for learning, exact for precedence, auto for most."
         ),
     ] = None
     seed: Seed = 0

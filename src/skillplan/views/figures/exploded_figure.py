@@ -58,7 +58,7 @@ from skillplan.views.figures.solids import (
 )
 from skillplan.views.text.wording import name_direction, shorten_names
 
-SOLVER = "exact"
+SOLVER = "auto"
 FILM_FRAMES_PER_S = 12.5
 
 _NOTHING = "The plan brings no body to a place."

@@ -22,7 +22,7 @@ from skillplan.views.figures.picture import (
     shorten,
 )
 
-SOLVER = "exact"
+SOLVER = "auto"
 
 CHANGE = "tool change"
 FAILED, NOT_SIMULATED = "fails in simulation", "as planned, not simulated"

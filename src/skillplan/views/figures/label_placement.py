@@ -101,6 +101,18 @@ class LabelPlacer:
         self.avoid_box(best, width, height)
         return best
 
+    def covers_label(self, centre: Point, text: str, size_pt: float) -> bool:
+        """Return whether a text of a font size [pt], placed last, covers another label."""
+        return self._count_covered(centre, *_measure_label_in(text, size_pt)) > 1
+
+    def _count_covered(self, centre: Point, width: float, height: float) -> int:
+        x, y = centre
+        left, right, low, high = x - width / 2, x + width / 2, y - height / 2, y + height / 2
+        return sum(
+            box[0] < right and left < box[2] and box[1] < high and low < box[3]
+            for box in self._boxes
+        )
+
     def _cost(
         self, centre: Point, width: float, height: float, points: NDArray[np.float64]
     ) -> float:
@@ -113,9 +125,7 @@ class LabelPlacer:
             & (points[:, 1] < high)
         )
         cost = 2.0 * float(np.count_nonzero(covered))
-        for box in self._boxes:
-            if box[0] < right and left < box[2] and box[1] < high and low < box[3]:
-                cost += _OVER_LABEL
+        cost += _OVER_LABEL * self._count_covered(centre, width, height)
         if left < 0 or low < 0 or right > self.width_in or high > self.height_in:
             cost += _OUTSIDE
         return cost

@@ -32,7 +32,7 @@ from skillplan.views.figures.picture import (
 )
 from skillplan.views.figures.solids import Point, find_outlines
 
-SOLVER = "exact"
+SOLVER = "auto"
 
 _MARGIN_PX = 34.0
 _TICK_PX = 8.0
@@ -306,6 +306,9 @@ class _Layout:
             if self._has_room(name):
                 distances.insert(0, (NUMBER_PX + 3) / PIXELS_PER_IN)
             at = self.placer.place(self._inches(point), name, 8.25, distances)
+            # Numbers matter more than names of screws where both are crowded.
+            if name in without and self.placer.covers_label(at, name, 8.25):
+                continue
             x, y = at[0] * PIXELS_PER_IN, self.picture.height_px - at[1] * PIXELS_PER_IN
             self.picture.label((x, y), name, "muted", _NAME_PX, halo=True)
 
