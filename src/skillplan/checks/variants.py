@@ -284,17 +284,17 @@ class _Grasps:
         if prices is None:
             yield from self._feasible()
             return
-        found = list(self._feasible())
-        if len(found) > 1:
+        pairs = list(self._feasible())
+        if len(pairs) > 1:
             # Both states give the cost, whichever skill is decided.
             self._verdicts.rest_on(prices.basis & ~self._settled[0])
-            found.sort(
+            pairs.sort(
                 key=lambda pair: (
                     prices.cost(pair[0].skill, self._before)
                     + prices.cost(pair[1].skill, self._held)
                 )
             )
-        yield from found
+        yield from pairs
 
     def _feasible(self) -> Iterator[tuple[Variant, Variant]]:
         """Yield pick and place by each grasp that allows both, the preferred one first."""

@@ -352,7 +352,7 @@ class _Grounding:
         )
 
     def _build_buffered(self, name: str, buffers: Sequence[str]) -> Iterator[Skill]:
-        """Yield the skills of a part with buffers: a pick for each grasp, as the state tells it."""
+        """Yield the skills of a part with buffers, with a pick for each of its grasps."""
         config = self.config
         part = config.parts[name]
         holds = [

@@ -185,9 +185,9 @@ class Handle:
             return None
         else:
             at_m = sum(middle[-1]) / 2
-        found = [_find_wall(span, at_m) if is_wall else _find_gap(span, at_m) for span in spans]
-        sides = [side for side in found if side is not None]
-        if not sides or (not is_wall and len(sides) < len(found)):
+        gaps = [_find_wall(span, at_m) if is_wall else _find_gap(span, at_m) for span in spans]
+        sides = [side for side in gaps if side is not None]
+        if not sides or (not is_wall and len(sides) < len(gaps)):
             return None
         lows_m, highs_m = zip(*sides, strict=True)
         low_m, high_m = (min(lows_m), max(highs_m)) if is_wall else (max(lows_m), min(highs_m))

@@ -269,7 +269,7 @@ def list_choices(config: AssemblyConfig) -> Overview:
         entries.append({"part": name, "directions": stretches, "grasps": grasps})
     lines += _describe_alternatives(config)
     document = {"ways": entries, "automatic_grasps": tried}
-    return Overview({key: found for key, found in document.items() if found}, tuple(lines))
+    return Overview({key: rows for key, rows in document.items() if rows}, tuple(lines))
 
 
 def _describe_alternatives(config: AssemblyConfig) -> Iterator[str]:

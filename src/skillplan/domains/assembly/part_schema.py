@@ -446,7 +446,7 @@ class PartConfig(Shaped):
         None,
         exclude_if=is_absent,
         description="buffers where it may be put down and taken again, perhaps by another of its "
-        "grasps, a name or a list; the state then tells where it is and by which grasp it is held; "
+        "grasps, a name or a list; the state then has where it is and by which grasp it is held; "
         "left out: none",
     )
     fits: dict[Name, FitConfig] | None = Field(
@@ -526,7 +526,7 @@ class PartConfig(Shaped):
                 raise Located(f"give one of {keys[0]!r} and {keys[1]!r}, not both.", keys[1])
         if self.buffers and self.grasp == "auto":
             message = (
-                "give a list of grasps, as the state tells by which of them the part is held; "
+                "give a list of grasps, as the state has by which of them the part is held; "
                 "check lists those that auto keeps of a part without buffers."
             )
             raise Located(message, "grasp")
