@@ -279,8 +279,8 @@ class WeightedCost:
 class WaitingCost(DerivedCost):
     """The duration of taking a part from a feeder that needs time to present the next one.
 
-    Two takes end at least one cycle apart. The state tells the time since the last take if the arm
-    comes straight from the place of that part; otherwise more than a cycle must have passed.
+    Two takes end at least one cycle apart. The state determines the time since the last take if the
+    arm comes straight from the place of that part; otherwise a cycle must be over.
 
     Parameters
     ----------

@@ -234,3 +234,9 @@ def test_a_goal_of_some_places_and_named_whereabouts_are_solved_by_exact(load):
     named = load(parts=with_clip(count=3), goal=["placed(board)", "at_goal(clip_1@clip_3)"]).task
     assert named.pools == ()
     assert [s.skill for s in solve(named, setup=BOXES).steps][-1] == "place(clip_1@clip_3)"
+
+
+def test_a_shank_needs_to_know_the_part_that_it_goes_through(faults):
+    screw = {"tool": "driver", "hole_m": [0.42, 0.03], "through": "clip_1", "size": "M3"}
+    (message,) = faults(screws={"screw": {**screw, "length_m": 0.01}})
+    assert message.startswith("'clip_1' may be at another place, as it is interchangeable.")

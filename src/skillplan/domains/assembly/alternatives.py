@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from skillplan.domains.assembly.geometry_faults import find_geometry_issues
@@ -55,6 +55,24 @@ def find_choice_issues(config: AssemblyConfig) -> Iterator[Issue]:
                     hint = name_hint(other, [*config.parts, *config.fixtures])
                     yield Issue(f"unknown part {other!r}. {hint}", (*here, index, "goal_on"))
     yield from _find_different_parts(config)
+    yield from _find_named_parts(config)
+
+
+def _find_named_parts(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield keys that name one of several interchangeable parts, any of which may be there."""
+
+    def check(named: Iterable[str], *path: str) -> Iterator[Issue]:
+        for other in named:
+            if other in config.parts and config.parts[other].interchangeable is not None:
+                words = f"{other!r} may be at another place, as it is interchangeable."
+                yield Issue(f"{words} Give it 'interchangeable: false'.", path)
+
+    for name, screw in config.screws.items():
+        yield from check(screw.into_names, "screws", name, "into")
+        if screw.length_m is not None:
+            yield from check([screw.through], "screws", name, "through")
+    for name, part in config.parts.items():
+        yield from check(part.fits or (), "parts", name, "fits")
 
 
 def _find_different_parts(config: AssemblyConfig) -> Iterator[Issue]:

@@ -1,8 +1,8 @@
 """Feeders that need time to present the next part, or that run empty.
 
-The state tells the time since the last take only if the arm comes straight from the place of that
-part. So a cycle is accepted if it is over, whatever else is done in between: a longer wait would
-depend on more than the state.
+The state determines the time since the last take only if the arm comes straight from the place of
+that part. So a cycle is accepted if it is over, whatever else is done in between: a longer wait
+would depend on more than the state.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def add_waits(
 
 
 def find_feeder_issues(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield feeders that run empty, and cycles that are too long for the state to tell."""
+    """Yield feeders that run empty, and cycles that are too long for the state."""
     for feeder, entry in config.feeders.items():
         here = ("feeders", feeder)
         parts = [name for name, part in config.moved_parts.items() if part.feeder == feeder]
