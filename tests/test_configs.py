@@ -92,7 +92,14 @@ def configs_expecting(key: str) -> pytest.MarkDecorator:
 
 def large(path: Path) -> list[pytest.MarkDecorator]:
     """Return the mark of what takes a second and more to plan."""
-    if path.stem not in ("cell_grips", "cell_screws", "drawer_module", "gear_unit", "mini_pc"):
+    if path.stem not in (
+        "cell_grips",
+        "cell_screws",
+        "drawer_module",
+        "gear_unit",
+        "gearbox",
+        "mini_pc",
+    ):
         return []
     return [pytest.mark.slow(reason="a large product of space; boards in every run")]
 
