@@ -181,7 +181,15 @@ class _TaskBuilder:
         self._absent |= without
         shared = SharedMeshes()
         upright = place_upright(self._product, self._bearing.up, (0.0, 0.0))
-        proof = PieceProof(self._product, self._relation, self._plan, upright, cuts, watch)
+        proof = PieceProof(
+            self._product,
+            self._relation,
+            self._plan,
+            self._bearing.order,
+            upright,
+            cuts,
+            watch,
+        )
         while True:
             unheld = self._holds.choose(self._bearing)
             if unheld:

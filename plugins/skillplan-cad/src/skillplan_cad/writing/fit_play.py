@@ -14,8 +14,10 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.task.pose import DOWN
 from skillplan_cad.joints.cylinder_fits import CylinderFit
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
+from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Part, Points, Product, make_solid
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import Pieces, build_mesh
@@ -42,6 +44,8 @@ _INWARD = 0.02
 # Largest share of a piece that a chamfer takes.
 _SHARE = 0.25
 _DECIMALS = 6
+# Difference between components of directions that are one.
+_SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,16 @@ class Loosened:
     fits: tuple[Played, ...]
 
 
+def can_come_down(relation: Relation, upright: Upright, name: str, before: Sequence[str]) -> bool:
+    """Return whether a part can come straight down beside the parts that are in place before."""
+    there = encode_set([relation.index(other) for other in before])
+    return any(
+        not blockers & there
+        and np.allclose(upright.vector(relation.directions[number]), (0, 0, 1), atol=_SAME)
+        for number, blockers in relation.blocker_sets[relation.index(name)]
+    )
+
+
 class FitPlay:
     """Gives parts play beside those that are in place before them.
 
@@ -86,6 +100,8 @@ class FitPlay:
         Its contacts have the clearances as drawn.
     fits
         Cylinders in holes of the product.
+    order
+        Parts in the order of the task; others follow in that of the plan.
     """
 
     def __init__(
@@ -95,13 +111,17 @@ class FitPlay:
         plan: AssemblyPlan,
         upright: Upright,
         fits: Sequence[CylinderFit],
+        order: Sequence[str],
     ) -> None:
         self._product, self._upright = product, upright
         self._along = {
             name: upright.vector(step.along) for step in plan.steps for name in step.parts
         }
-        order = list(dict.fromkeys((plan.base, *self._along)))
-        self._before = {name: order[:number] for number, name in enumerate(order)}
+        in_order = list(dict.fromkeys((*order, plan.base, *self._along)))
+        self._before = {name: in_order[:number] for number, name in enumerate(in_order)}
+        for name in order:
+            if can_come_down(relation, upright, name, self._before[name]):
+                self._along[name] = DOWN
         self._solids: dict[str, manifold3d.Manifold] = {}
         drawn = [
             (product.parts[fit.inner].name, product.parts[fit.outer].name, fit.radius_difference_m)

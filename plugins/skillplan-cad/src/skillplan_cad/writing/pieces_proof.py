@@ -99,6 +99,8 @@ class PieceProof:
     ----------
     product, relation, plan
         True meshes, their blockings, and the order of the parts.
+    order
+        Parts in the order of the task, which may differ from that of the plan.
     upright
         Pose of the product.
     cuts
@@ -112,13 +114,14 @@ class PieceProof:
         product: Product,
         relation: Relation,
         plan: AssemblyPlan,
+        order: Sequence[str],
         upright: Upright,
         cuts: Cuts,
         watch: Watch,
     ) -> None:
         self._product, self._relation, self._upright = product, relation, upright
         self._watch = watch
-        self._play = FitPlay(product, relation, plan, upright, cuts.fits)
+        self._play = FitPlay(product, relation, plan, upright, cuts.fits, order)
         self._cutter = _Cutter(product, self._play.drawn_m, upright, cuts)
         self._meshes: dict[str, Sequence[Mesh]] = {}
         self._loosened: dict[str, Loosened] = {}
