@@ -221,7 +221,7 @@ def test_twenty_four_parts_from_pockets_are_proved_without_an_assignment(load):
     task = load(trays={"pallet": {**PALLET, "pattern": grid}}, parts=parts).task
     problem = SequencingProblem.from_model(model_of(task))
     assert len(problem.jobs) == 49
-    result = solve(task, setup=BOXES)
+    result = solve(task, "branch-and-cut", setup=BOXES)
     assert result.status is Status.OPTIMAL
     assert len(result.steps) == 50
 

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
 
 # Methods for problems in which two kinds of jobs alternate, such as taking and filling of
-# interchangeable parts: the others insert single jobs into orders, which then have no finite cost.
-_ALTERNATING: Final[tuple[Method, ...]] = ("branch-and-cut", "tree-search")
+# interchangeable parts. Local search moves single jobs, after which no order has a finite cost;
+# tree search works, but branch and cut proves most of them at its root.
+_ALTERNATING: Final[tuple[Method, ...]] = ("branch-and-cut",)
 
 # Share of the free memory that is used without a limit.
 _SHARE = 0.7
