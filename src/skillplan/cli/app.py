@@ -46,7 +46,7 @@ PANELS = {
     },
     "Understand": {
         "explain": "Explain why a skill is feasible or not in a state.",
-        "advise": "Try changes of the cell and list those that save most.",
+        "advise": "Try changes of the cell and list the best.",
         "chart": "Derive the precedence relation from collision checks.",
     },
     "Learn": {

@@ -273,13 +273,13 @@ def _take_turns(
                 if not queues[kind]:
                     continue
                 item = queues[kind].pop(0)
-                before, begun = tally.planned, tally.tried
+                before, first_try = tally.planned, tally.tried
                 while item.changes and (later or tally.planned == before):
                     if tally.tried >= tries or stop():
                         return
                     yield item.changes.pop(0)
                     # Changes of other items than places differ in kind: they take turns, too.
-                    if item.kind != "place" or tally.tried - begun > _MOST_IN_VAIN:
+                    if item.kind != "place" or tally.tried - first_try > _MOST_IN_VAIN:
                         break
                 if item.changes and (later or item.kind != "place" or tally.planned == before):
                     queues[kind].append(item)

@@ -14,7 +14,6 @@ from skillplan.files.regular_file import read_bytes
 _PACKAGE = Path(skillplan.__file__).parent
 CONFIG_FOLDERS = (_PACKAGE / "configs", _PACKAGE.parents[1] / "configs")
 """Folders that may hold them."""
-_MOST_BYTES = 2**24
 
 
 def list_examples() -> dict[str, Path]:
@@ -41,7 +40,8 @@ def read_example(name: str) -> tuple[str, dict[str, bytes]]:
     data = yaml.parse(text, path.name).data
     named = {word for word in _list_words(data) if (path.parent / word).is_file()}
     kept, _, _ = text.partition("\nexpect:")
-    files = {word: read_bytes(path.parent / word, _MOST_BYTES) for word in sorted(named)}
+    paths = {word: path.parent / word for word in sorted(named)}
+    files = {word: read_bytes(file, file.stat().st_size) for word, file in paths.items()}
     return kept.rstrip() + "\n", files
 
 

@@ -19,7 +19,7 @@ class TimeShares:
     Parameters
     ----------
     travel_s
-        Travels and strokes, except those of tool changes.
+        Travels and strokes, except in tool changes.
     work_s
         Dwells: grasping, placing, fetching, fastening.
     change_s

@@ -62,7 +62,7 @@ class AssemblyDomain(Domain):
         return Overview(document, tuple(line for view in views for line in view.lines))
 
     def list_costs(self, config: Any) -> tuple[str, ...]:
-        """Return distance and time, and those of a weighted sum: cost, wear, energy."""
+        """Return distance and time, and of a weighted sum also cost, wear and energy."""
         return list_cost_names(config.cost)
 
     def with_cost(self, config: Any, name: str) -> Any:

@@ -76,7 +76,7 @@ def list_grasps(config: AssemblyConfig, name: str) -> tuple[Grasp, ...]:
 
 
 def describe_candidates(config: AssemblyConfig, name: str) -> tuple[list[str], list[str]]:
-    """Return the grasps that ``auto`` keeps, and those that it refuses with the reason.
+    """Return the grasps that ``auto`` keeps, and the refused ones with the reason.
 
     Equal reasons share a line.
     """

@@ -191,7 +191,7 @@ class MeshConfig(Strict):
         return self._sha256
 
 
-# Kinds of fits that overlap, those that hold the part afterwards, and those that need a force.
+# Kinds of fits that overlap, that hold the part afterwards, and that need a force.
 _TIGHT = ("press", "snap", "compliant")
 _ADVICE = {
     "press": "a press fit is tighter than its hole",
@@ -527,7 +527,7 @@ class PartConfig(Shaped):
         if self.buffers and self.grasp == "auto":
             message = (
                 "give a list of grasps, as the state has by which of them the part is held; "
-                "check lists those that auto keeps of a part without buffers."
+                "check lists what auto keeps of a part without buffers."
             )
             raise Located(message, "grasp")
         if "frame" in self.model_fields_set and self.insert_along is None:

@@ -284,7 +284,7 @@ class _Standing:
     def _order(
         self, borne: Mapping[str, tuple[str, ...]], ground: float, undriven: Mapping[str, LeftOut]
     ) -> Bearing:
-        """Return an order of the supported parts, without those that spoil every order."""
+        """Return an order of the supported parts, except parts that spoil every order."""
         kept, reasons = dict(borne), dict(undriven)
         while True:
             self._drop_loose(kept, reasons)

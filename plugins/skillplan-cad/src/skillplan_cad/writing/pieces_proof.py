@@ -211,7 +211,7 @@ class Cuts:
     def cut(
         self, vertices_m: Points, triangles: Triangles, allowed_m: float, hollows: Sequence[Hollow]
     ) -> Pieces:
-        """Return the pieces of a mesh, turned from those of the same shape if it was cut before."""
+        """Return the pieces of a mesh, turned from an equal shape that was cut before."""
         key = triangles.tobytes()
         for cut in self._made.get((key, allowed_m), ()):
             pieces = cut.turn(vertices_m, hollows)
