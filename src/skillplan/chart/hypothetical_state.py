@@ -45,9 +45,17 @@ class HypotheticalStates:
         for component in done:
             own, after = self._finished[component]
             bits = bits & ~own | after
-        state = self.task.facts.state(bits)
-        for name in skill.precondition.requires:
+        untouched = state = self.task.facts.state(bits)
+        required = list(skill.precondition.requires)
+        for name in required:
             state = self._bring(state, name, [])
+        if not all(name in state for name in required):
+            # Another fact took the hand or the tool: own facts, such as the held part, come last.
+            owner = self.component(skill)
+            required.sort(key=lambda name: self._owner.get(name) == owner)
+            state = untouched
+            for name in required * 2:
+                state = self._bring(state, name, [])
         routes = () if skill.motion is None else skill.motion.routes
         if routes and not any(all(fact in state for fact in route.when) for route in routes):
             # The first route stands for all, such as the first grasp of a part.

@@ -27,6 +27,9 @@ _SAME_RAD: Final = 1e-7
 _PARALLEL: Final = 1e-10
 # Tolerance of a cosine beyond 1, for an arm stretched exactly.
 _ROUNDING: Final = 1e-12
+# Excess of the elbow's cosine of a stretched arm: where the wrist is nearly parallel, its angles
+# are rounded more. It is less than a nanometre at the tip.
+_STRETCHED: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +186,7 @@ class UrInverse:
         a2, a3, d5 = self._lengths.a2_m, self._lengths.a3_m, self._lengths.d5_m
         u, v = wrist[0] - d5 * math.sin(total), wrist[1] + d5 * math.cos(total)
         cosine = (u * u + v * v - a2 * a2 - a3 * a3) / (2 * a2 * a3)
-        if abs(cosine) > 1 + _ROUNDING:
+        if abs(cosine) > 1 + _STRETCHED:
             return []
         pairs = []
         for elbow in _both_signs(cosine):
