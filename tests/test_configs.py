@@ -95,10 +95,13 @@ def large(path: Path) -> list[pytest.MarkDecorator]:
     if path.stem not in (
         "cell_grips",
         "cell_screws",
+        "cell_tray",
         "drawer_module",
         "gear_unit",
         "gearbox",
         "mini_pc",
+        "pcb",
+        "pump",
     ):
         return []
     return [pytest.mark.slow(reason="a large product of space; boards in every run")]

@@ -151,7 +151,8 @@ class TestGrasps:
 
 
 # With ways, hollow parts or many skills.
-LARGE = {"drawer_module", "gear_unit", "inverter_grasps", "inverter_time", "mini_pc", "motor_drive"}
+LARGE = {"cell_screws", "drawer_module", "gear_unit", "gearbox", "inverter_grasps", "inverter_time"}
+LARGE |= {"mini_pc", "motor_drive", "pcb", "pump"}
 
 
 @pytest.mark.parametrize(

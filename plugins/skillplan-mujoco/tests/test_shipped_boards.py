@@ -33,7 +33,7 @@ BOARDS = {
 # Boards of which the whole suite has a plan by pybullet: jaws, cups, screws and a feeder.
 BY_PYBULLET = ("starter", "drawer_module", "inverter_board")
 # Boards of which the whole suite has none: others have the same kinds of skills.
-LONG = ("inverter_time", "mini_pc", "motor_drive")
+LONG = ("cell_tray", "gearbox", "inverter_time", "mini_pc", "motor_drive", "pcb", "pump")
 PRODUCTS = (
     "battery_module",
     "drawer_module",

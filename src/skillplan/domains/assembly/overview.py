@@ -232,7 +232,8 @@ def _locate_fixture(fixture: FixtureConfig, bottom_m: float) -> str:
 
 
 def _format_rests(rests: list[Rest]) -> str:
-    return ", ".join(f"{rest.on} ({rest.area_m2 * 1e6:,.1f} mm2)" for rest in rests)
+    words = ", ".join(f"{rest.on} ({rest.area_m2 * 1e6:,.1f} mm2)" for rest in rests)
+    return words or "nothing but its fit"
 
 
 def _build_rests(rests: list[Rest]) -> list[dict[str, Any]]:
