@@ -62,6 +62,16 @@ def test_a_part_is_picked_by_each_grasp_wherever_it_lies():
     assert {"place(peg)", "pick(block)", "place(block)"} <= names
 
 
+def test_a_work_comes_before_a_part_with_buffers_as_before_any_other():
+    tools = {
+        "hand": {"holder_m": [0.3, 0.4], "type": "gripper"},
+        "glue": {"holder_m": [0.4, 0.4], "type": "dispenser"},
+    }
+    bead = {"tool": "glue", "part": "block", "at_m": [0.6, 0.2], "before": ["peg"]}
+    task = task_of(tools=tools, works={"bead": bead})
+    assert "dispensed(bead)" in task.skill("place(peg)").precondition.requires
+
+
 def test_the_state_tells_by_which_grasp_a_part_is_held():
     """The place then takes the visit of that grasp, and lets go of it."""
     task = task_of()

@@ -150,13 +150,20 @@ def test_a_screw_waits_for_the_part_with_its_thread():
         ({"length_m": 0.006}, "does not reach 'base', which is 8.0 mm below its head"),
         ({"hole_depth_m": 0.015}, "20.0 mm is longer than the hole, 15.0 mm"),
         ({"torque_nm": 6.0}, "6 N m is more than 'driver' brings, 5 N m"),
+        ({"torque_nm": 4.0, "other_tools": ["weak"]}, "4 N m is more than 'weak' brings, 1 N m"),
+        ({"tool": "ram"}, "'ram' is a press, which drives no screw"),
         ({"into": "lid"}, "is 'through' already"),
         ({"into": "bse"}, "unknown part or fixture 'bse'"),
     ],
 )
 def test_check_names_what_is_wrong_with_a_hole(screw, words):
     content = content_of(**screw)
-    content["tools"]["driver"]["torque_nm"] = 5.0
+    driver = content["tools"]["driver"]
+    driver["torque_nm"] = 5.0
+    if "other_tools" in screw:
+        content["tools"]["weak"] = driver | {"torque_nm": 1.0, "holder_m": [0.6, 0.4]}
+    if "tool" in screw:
+        content["tools"]["ram"] = {"type": "press", "holder_m": [0.6, 0.4]}
     if "length_m" in screw:
         content["feeders"]["rack"]["height_m"] = 0.05
     (fault,) = faults_of(content)

@@ -73,6 +73,12 @@ def _find_named_parts(config: AssemblyConfig) -> Iterator[Issue]:
             yield from check([screw.through], "screws", name, "through")
     for name, part in config.parts.items():
         yield from check(part.fits or (), "parts", name, "fits")
+    for name, work in config.works.items():
+        named = set(work.before or ())
+        some = [n for n in named & config.parts.keys() if config.parts[n].interchangeable]
+        # If all of a class wait for the work, it does not matter which is where.
+        some = [n for n in some if not named.issuperset(list_interchangeable(config, n))]
+        yield from check(sorted(some), "works", name, "before")
 
 
 def _find_different_parts(config: AssemblyConfig) -> Iterator[Issue]:
@@ -98,8 +104,21 @@ def _find_different_parts(config: AssemblyConfig) -> Iterator[Issue]:
                 break
 
 
+# Keys that give one operation several skills, in words.
+_CHOICES = {
+    "other_goals": "'other_goals'",
+    "other_tools": "several tools",
+    "interchangeable": "interchangeable parts",
+}
+
+
 def find_variant_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield geometric faults of the other goals and tools of parts with sound names and shapes."""
+    for name, part in config.moved_parts.items():
+        key = next((key for key in _CHOICES if getattr(part, key)), None)
+        if key is not None and len(list_grasps(config, name)) > 1:
+            words = f"with {_CHOICES[key]} a pick and a place would choose their grasps apart"
+            yield Issue(f"{words}. Give one grasp.", ("parts", name, "grasp"))
     chosen = {n: p for n, p in config.moved_parts.items() if p.other_goals or p.other_tools}
     known = {issue.message for issue in find_geometry_issues(config)} if chosen else set()
     for name, part in chosen.items():

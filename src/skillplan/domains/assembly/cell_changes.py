@@ -76,10 +76,10 @@ def _list_tools(config: AssemblyConfig) -> Iterator[CellChange]:
 def _list_order(config: AssemblyConfig) -> Iterator[CellChange]:
     """Yield the chart without one of its relations."""
     for index, line in enumerate(config.chart):
-        for after in line.after:
+        for after in line.after if line.before else ():
             kept = [
                 {
-                    "before": other.before,
+                    **({"before": other.before} if other.before else {"any_of": other.any_of}),
                     "after": [a for a in other.after if number != index or a != after],
                 }
                 for number, other in enumerate(config.chart)

@@ -101,7 +101,7 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
         yield from check(screw.feeder, config.feeders, "feeder", *here, "feeder")
         yield from _check_threads(config, name)
     components = [*config.moved_parts, *config.screws]
-    if not components:
+    if not components and not config.works:
         yield Issue(
             "all parts are fixed, so there is nothing to do. Let a hand move one.", ("parts",)
         )

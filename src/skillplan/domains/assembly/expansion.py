@@ -181,6 +181,9 @@ class _Expansion:
                     new["other_tools"] = tools[1:] + _as_list(new.get("other_tools", []))
                     self.sources[*here, "other_tools"] = (section, name, "tool")
             for key, pattern in places.items():
+                if pattern is None and f"{key}_pattern" in entry:
+                    # The schema names what is wrong with it.
+                    new[f"{key}_pattern"] = entry[f"{key}_pattern"]
                 first = new.get(f"{key}_m")
                 if pattern is not None and isinstance(first, list) and index < pattern.places:
                     new[f"{key}_m"] = _move(first, pattern.offset(index))
@@ -252,6 +255,9 @@ class _Expansion:
         self, section: str, name: str, entry: dict[str, Any], key: str, count: int | None
     ) -> PatternConfig | None:
         pattern = _read(PatternConfig, entry.get(key))
+        first = f"{key.removesuffix('_pattern')}_m"
+        if pattern is not None and first not in entry:
+            self._fault(f"a pattern needs {first!r}, the place of the first.", section, name, key)
         if pattern is not None and count is not None and pattern.places < count:
             grid = " x ".join(map(str, pattern.grid))
             self._fault(

@@ -115,6 +115,12 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
             continue
         for issue in _find_part_issues(config, name):
             yield issue.under("parts", name)
+    for name, screw in config.screws.items():
+        for tool in (screw.tool, *(screw.other_tools or ())):
+            if choose_tool_kind(config, tool) in (ToolKind.SUCTION, *_WITH_BIT):
+                kind = choose_tool_kind(config, tool)
+                message = f"{tool!r} is a {kind}, which drives no screw. Name another."
+                yield Issue(message, ("screws", name, "tool"))
 
 
 # Keys of tools that only some types have, with what the others lack.

@@ -414,7 +414,7 @@ class _Grounding:
         place = self._build_skill(
             "place",
             name,
-            requires=[f"held({name})", has_tool],
+            requires=[f"held({name})", has_tool, *self._list_works_before(name)],
             add=[f"placed({name})", HAND_FREE],
             delete=[f"held({name})", *given],
             ends_at=f"{name}.goal",

@@ -57,6 +57,12 @@ class PatternConfig(Strict):
             raise Located(f"{self.places} places, where 256 are the most.", "grid")
         return self
 
+    @model_validator(mode="after")
+    def _step_needs_levels(self) -> PatternConfig:
+        if self.levels == 1 and any(self.step_m):
+            raise Located("it is from level to level: give 'grid' three numbers.", "step_m")
+        return self
+
     @property
     def places(self) -> int:
         """Number of places."""

@@ -192,11 +192,13 @@ class _Lines:
 def find_shank_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield torques beyond a tool, and shanks that run into something or find no thread."""
     for name, screw in config.screws.items():
-        limit_nm = config.tools[screw.tool].torque_nm
-        if screw.torque_nm is not None and limit_nm is not None and screw.torque_nm > limit_nm:
+        for tool in (screw.tool, *(screw.other_tools or ())):
+            limit_nm = config.tools[tool].torque_nm
+            if screw.torque_nm is None or limit_nm is None or screw.torque_nm <= limit_nm:
+                continue
             message = (
-                f"{screw.torque_nm:g} N m is more than {screw.tool!r} brings, {limit_nm:g} N m "
-                f"(tools.{screw.tool}.torque_nm). Take a stronger tool, or less torque."
+                f"{screw.torque_nm:g} N m is more than {tool!r} brings, {limit_nm:g} N m "
+                f"(tools.{tool}.torque_nm). Take a stronger tool, or less torque."
             )
             yield Issue(message, ("screws", name, "torque_nm"))
         if screw.length_m is not None:

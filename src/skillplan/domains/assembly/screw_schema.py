@@ -266,6 +266,8 @@ class ScrewConfig(Strict):
                 raise Located("give 'size', too, such as M4.", key)
         if self.into is not None and self.length_m is None:
             raise Located("give 'length_m', too: without it no shank is modelled.", "into")
+        if self.hole_depth_m is not None and self.length_m is None:
+            raise Located("give 'length_m', too: it is compared with it.", "hole_depth_m")
         if (self.engagement_m or 0.0) > (self.length_m or math.inf):
             words = f"is more than the shank, {self.length_m:g} m."
             raise Located(words, "engagement_m")

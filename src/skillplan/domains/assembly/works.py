@@ -69,6 +69,8 @@ def _find_force_issues(work: WorkConfig, kind: str, most_n: float | None) -> Ite
     if kind == ToolKind.DISPENSER:
         if work.force_n is not None:
             yield Issue("a dispenser does not press. Leave it out.", ("force_n",))
+        if work.path_m is None and "speed_m_per_s" in given:
+            yield Issue("without 'path_m' nothing moves at it. Leave it out.", ("speed_m_per_s",))
         if work.path_m is not None and "dwell_s" in given:
             yield Issue("the time is that of the path at its speed. Leave it out.", ("dwell_s",))
         return
