@@ -6,6 +6,7 @@ The operations of every component are checked in states in which other component
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
@@ -286,13 +287,14 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     impossible: dict[str, str] = {}
     undecided: list[str] = []
     hypothetical = HypotheticalStates(task)
-    # A part with a buffer gets to its goal in several ways, of which no order follows.
-    buffered = {skill.parameters["part"] for skill in task.skills if "buffer" in skill.parameters}
-    undecided += [f"place({name})" for name in task.operations if name in buffered]
+    # A part with a buffer or with several goals gets there in several ways; no order follows.
+    placed = Counter(skill.parameters["part"] for skill in task.skills if skill.kind == "place")
+    several = {name for name, count in placed.items() if count > 1}
+    undecided += [f"place({name})" for name in task.operations if name in several]
     queries = [
         PrecedenceQuery(hypothetical, component, skill)
         for component in task.operations
-        if component not in buffered
+        if component not in several
         for skill in hypothetical.chain(component)
     ]
     for query, why in zip(queries, run_queries(feasibility, [*map(_derive, queries)]), strict=True):
