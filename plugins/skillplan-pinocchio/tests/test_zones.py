@@ -156,3 +156,27 @@ def test_a_bound_is_never_above_a_time_with_slow_areas_and_playback_takes_that_t
     skills = [task.skill("pick(part)"), place]
     played = detector.planned_motion(skills, 20).skills[1]
     assert played.end_s - played.begin_s == pytest.approx(slow_s, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("length_m", "height_m", "is_slow"),
+    [(0.34, [0.2, 0.26], True), (0.08, [0.15, 0.21], False)],
+)
+def test_the_limit_holds_for_the_tip_of_the_tool(length_m, height_m, is_slow):
+    """The tip of the arm is above that of a long tool, and below that of a short one."""
+    text = CELL.replace("opening_m: 0.08", f"length_m: {length_m}")
+    area = f"min_m: [0.2, -0.1], max_m: [0.9, 0.1], height_m: {height_m}"
+    zone = f"aisle: {{{area}, speed_m_per_s: 0.05}}"
+    times_s = []
+    for zones in ("", zone):
+        config = AssemblyConfig.model_validate(yaml_text(text.format(zones=zones)))
+        (task,) = AssemblyDomain().ground(config, "")
+        pick, place = task.skill("pick(part)"), task.skill("place(part)")
+        held = pick.prediction_in(task.initial).apply(task.initial)
+        detector = SweptDetector(task)
+        times_s.append(detector.duration_s(place, held))
+        played = detector.planned_motion([pick, place], 20).skills[1]
+        assert played.end_s - played.begin_s == pytest.approx(times_s[-1], abs=0.01)
+        assert detector.least_duration_s(place, 0, 0) <= times_s[-1]
+    assert (times_s[1] > times_s[0] + 3.0) == is_slow
+    assert is_slow or times_s[0] == times_s[1]

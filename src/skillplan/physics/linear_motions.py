@@ -158,6 +158,11 @@ class LinearMotion:
         return self.loads or self.tool
 
     @property
+    def tool_after(self) -> Tool | None:
+        """Tool on the retreat."""
+        return None if self.visit.event is Event.OFFLOAD else self.acting_tool
+
+    @property
     def tool_tip(self) -> Point:
         """Position of the tool's tip during the act [m].
 

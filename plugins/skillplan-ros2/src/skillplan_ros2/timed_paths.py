@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillplan.exporters.exporter import Handover, PlannedSkill
+from skillplan.task.scene import Tool
 from skillplan_pinocchio.arm_paths import MotionPaths, SkillPaths
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
@@ -111,21 +112,22 @@ class _Timing:
         visit = paths.motion.visit
         try:
             for path in (paths.travel.path, *paths.strokes.down):
-                points.move(*self._run(path))
+                points.move(*self._run(path, paths.motion.tool))
             points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}")
             for path in paths.strokes.up:
-                points.move(*self._run(path))
+                points.move(*self._run(path, paths.motion.tool_after))
         except ArithmeticError as error:
             raise NoTrajectory(
                 f"no run along the path of {name} keeps the limits: {error}"
             ) from None
 
-    def _run(self, path: JointPath) -> tuple[Array, Array, Array]:
+    def _run(self, path: JointPath, tool: Tool | None) -> tuple[Array, Array, Array]:
         """Return times, positions and speeds at all changes of acceleration.
 
         The acceleration is constant in between, so cubics through these points reproduce the run.
         """
-        run = find_fastest_trajectory(path, self.limits, self.slow_zones)
+        zones = None if self.slow_zones is None else self.slow_zones.with_tool(tool)
+        run = find_fastest_trajectory(path, self.limits, zones)
         positions = path.along(run.places)
         # Exact positions at both ends, at rest.
         positions[0] = path.nodes[0]

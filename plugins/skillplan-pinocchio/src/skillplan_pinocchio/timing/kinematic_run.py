@@ -12,7 +12,7 @@ from skillplan.physics.linear_motions import choose_opening_m, choose_visit_gras
 from skillplan.physics.performance import MOST_PLAYED_S, PerformedSkill, PlannedMotion, Sample
 from skillplan.task.motion import Event
 from skillplan.task.pose import Pose
-from skillplan.task.scene import WORLD, Robot, ToolKind
+from skillplan.task.scene import WORLD, Robot, Tool, ToolKind
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -123,15 +123,15 @@ class KinematicRun:
             self._phase = f"the travel to {subject}"
             wide_m = self._opening_for(motion)
             opens_m = wide_m if motion.motion.visit.event is Event.GRASP else self._opening_m
-            self._along(motion.travel.path, opens_m)
+            self._along(motion.travel.path, opens_m, motion.motion.tool)
             self._phase = f"the approach to {subject}"
             for path in motion.strokes.down:
-                self._along(path, self._opening_m)
+                self._along(path, self._opening_m, motion.motion.tool)
             self._phase = f"the {motion.motion.visit.event.value} of {subject}"
             self._act(motion, paths.motions[number + 1 :], goals)
             self._phase = f"the retreat from {subject}"
             for path in motion.strokes.up:
-                self._along(path, self._opening_m)
+                self._along(path, self._opening_m, motion.motion.tool_after)
 
     def _bring_out(self, subjects: set[str], state: State) -> None:
         """Place the handled parts of feeders."""
@@ -194,10 +194,11 @@ class KinematicRun:
         grasp = choose_visit_grasp(self.task.scene.body(visit.subject), visit)
         return choose_opening_m(grasp, self.clearance_m, paths.motion.tool, self.robot.hand)
 
-    def _along(self, path: JointPath, opening_m: float) -> None:
-        """Follow a path from rest to rest while the jaws open."""
+    def _along(self, path: JointPath, opening_m: float, tool: Tool | None) -> None:
+        """Follow a path from rest to rest with a tool while the jaws open."""
+        zones = None if self.slow_zones is None else self.slow_zones.with_tool(tool)
         try:
-            run = find_fastest_trajectory(path, self.limits, self.slow_zones)
+            run = find_fastest_trajectory(path, self.limits, zones)
         except ArithmeticError as error:
             words = f"no run along the path of {self._skill} keeps the limits: {error}"
             raise ValueError(words) from None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.task.scene import Robot
+from skillplan.task.scene import Robot, Tool
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -26,14 +26,14 @@ class SkillTimes:
     Parameters
     ----------
     slow_zones
-        Zones with a limit on the speed of the tip; None for none.
+        Zones with a limit on the speed of the tool's tip; None for none.
     """
 
     def __init__(self, limits: JointLimits, slow_zones: SlowZones | None = None) -> None:
         self.limits = limits
         self.slow_zones = slow_zones
         self._transfers: dict[tuple[bytes, bytes], JointPath] = {}
-        self._paths_s: dict[bytes, float] = {}
+        self._paths_s: dict[tuple[bytes, float], float] = {}
 
     def duration_s(self, planned: tuple[ArmMotion, ...], stand: Stand) -> float | None:
         """Return the duration of some motions in order [s]; None if the arm cannot make them.
@@ -46,14 +46,19 @@ class SkillTimes:
         here = stand.joints_rad
         total_s = 0.0
         if stand.came_from_rad is not None and here is not None:
-            total_s = self._path_s(self.transfer(stand.came_from_rad, here))
+            total_s = self._path_s(self.transfer(stand.came_from_rad, here), planned[0].motion.tool)
         for motion in planned:
             if not motion.elbows or here is None:
                 return None
             strokes = motion.elbows[0].strokes
-            total_s += self._path_s(self.transfer(here, strokes.begin))
-            stretches_s = sum(self._path_s(path) for path in strokes.distinct)
-            if strokes.mirrored:
+            before, after = motion.motion.tool, motion.motion.tool_after
+            total_s += self._path_s(self.transfer(here, strokes.begin), before)
+            doubled = strokes.mirrored and self._beyond_m(before) == self._beyond_m(after)
+            ways = [(path, before) for path in strokes.down]
+            if not doubled:
+                ways += [(path, after) for path in strokes.up]
+            stretches_s = sum(self._path_s(path, tool) for path, tool in ways)
+            if doubled:
                 # The way back has the same speeds and opposite accelerations.
                 stretches_s *= 2
             total_s += stretches_s + motion.motion.visit.dwell_s
@@ -61,11 +66,16 @@ class SkillTimes:
         # Rounded to a nanosecond, which is equal on every machine.
         return round(total_s, 9)
 
-    def _path_s(self, path: JointPath) -> float:
-        """Return the duration of a path from rest to rest [s]."""
-        key = path.nodes.tobytes()
+    def _beyond_m(self, tool: Tool | None) -> float:
+        """Return how far beyond the arm's tip the speed is limited [m]."""
+        return 0.0 if self.slow_zones is None or tool is None else tool.beyond_m
+
+    def _path_s(self, path: JointPath, tool: Tool | None) -> float:
+        """Return the duration of a path from rest to rest with a tool [s]."""
+        key = path.nodes.tobytes(), self._beyond_m(tool)
         if key not in self._paths_s:
-            run = find_fastest_trajectory(path, self.limits, self.slow_zones)
+            zones = None if self.slow_zones is None else self.slow_zones.with_tool(tool)
+            run = find_fastest_trajectory(path, self.limits, zones)
             self._paths_s[key] = run.duration_s
         return self._paths_s[key]
 

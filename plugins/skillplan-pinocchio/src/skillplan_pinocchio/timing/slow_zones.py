@@ -1,4 +1,4 @@
-"""Speed limits of the tip in zones, as limits on the rate of a path's parameter."""
+"""Speed limits of the tool's tip in zones, as limits on the rate of a path's parameter."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import pinocchio as pin
 
-from skillplan.task.scene import Robot, Scene
+from skillplan.task.scene import Robot, Scene, Tool
 from skillplan.task.zone import Zone, list_slow_zones
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
@@ -24,24 +24,35 @@ _INTERVALS: Final = 64
 class SlowZones:
     """The zones of a scene with a speed limit, for one arm.
 
-    The limit holds for the tip: links behind it move more slowly where they are nearer to the base.
+    The limit holds for the tip of the attached tool, or of the bare arm: links behind it move more
+    slowly where they are nearer to the base.
 
     Parameters
     ----------
     model
         The arm's `pinocchio.Model`, with a frame ``tip``.
+    beyond_m
+        Distance of the tool's tip beyond the arm's [m]; see `Tool.beyond_m`.
     """
 
-    def __init__(self, model: Any, zones: list[Zone]) -> None:
+    def __init__(self, model: Any, zones: list[Zone], beyond_m: float = 0.0) -> None:
         self._model, self._data = model, model.createData()
         self._tip = model.getFrameId("tip")
         self._zones = zones
+        self.beyond_m = beyond_m
 
     @classmethod
     def of(cls, scene: Scene, robot: Robot) -> SlowZones | None:
         """Return the zones of a scene, or None if it has none."""
         zones = list_slow_zones(scene)
         return cls(ArmModel.of(robot).model, zones) if zones else None
+
+    def with_tool(self, tool: Tool | None) -> SlowZones:
+        """Return the zones for an attached tool; None for the bare arm."""
+        beyond_m = 0.0 if tool is None else tool.beyond_m
+        if beyond_m == self.beyond_m:
+            return self
+        return SlowZones(self._model, self._zones, beyond_m)
 
     def limit(self, path: JointPath) -> RateLimits | None:
         """Return the limits on a path, or None if its tip stays outside of all zones."""
@@ -50,7 +61,7 @@ class SlowZones:
         return limits if np.isfinite(limits(np.linspace(0.0, 1.0, count + 1))).any() else None
 
     def find_speed_m_per_s(self, begin: Array, end: Array) -> float:
-        """Return the least limit on a straight line of the tip [m/s]; infinite if there is none.
+        """Return the least limit on a straight line of the tool's tip [m/s]; infinite if none.
 
         Parameters
         ----------
@@ -82,14 +93,17 @@ class SlowZones:
         return rates
 
     def _move_tip(self, postures_rad: Array, slopes: Array) -> tuple[Array, Array]:
-        """Return positions of the tip [m], and its motion per unit of the parameter [m]."""
+        """Return positions of the tool's tip [m], and its motion per unit of the parameter [m]."""
         tips, speeds = np.empty((len(slopes), 3)), np.empty(len(slopes))
         for number, (posture_rad, slope) in enumerate(zip(postures_rad, slopes, strict=True)):
             jacobian = pin.computeFrameJacobian(
                 self._model, self._data, posture_rad, self._tip, pin.LOCAL_WORLD_ALIGNED
             )
-            tips[number] = self._data.oMf[self._tip].translation
-            speeds[number] = np.linalg.norm(jacobian[:3] @ slope)
+            frame = self._data.oMf[self._tip]
+            tool = self.beyond_m * frame.rotation[:, 2]
+            tips[number] = frame.translation + tool
+            turn = jacobian[3:] @ slope
+            speeds[number] = np.linalg.norm(jacobian[:3] @ slope + np.cross(turn, tool))
         return tips, speeds
 
 

@@ -366,7 +366,7 @@ def find_fastest_trajectory(
     Parameters
     ----------
     slow_zones
-        Zones with a limit on the speed of the tip, which the run keeps within 1 %.
+        Zones with a limit on the speed of the tool's tip, which the run keeps within 1 %.
 
     Raises
     ------

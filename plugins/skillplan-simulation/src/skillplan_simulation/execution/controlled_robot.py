@@ -284,7 +284,9 @@ class ControlledRobot:
         assert here is not None
         most_m_per_s = speed_m_per_s or self.settings.speed_m_per_s
         if self.slow_zones is not None:
-            limit = self.slow_zones.find_speed_m_per_s(here.position, np.array(end))
+            zones = self.slow_zones.with_tool(self.tools.tool)
+            beyond = zones.beyond_m * here.rotation[:, 2]
+            limit = zones.find_speed_m_per_s(here.position + beyond, np.array(end) + beyond)
             most_m_per_s = min(most_m_per_s, limit)
         self.follow(
             StraightMotion.between(

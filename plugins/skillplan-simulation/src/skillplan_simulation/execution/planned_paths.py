@@ -84,7 +84,7 @@ class PlannedPaths:
         self.limits = limits.scaled(settings.speed_fraction)
         self.slow_zones = SlowZones.of(task.scene, task.scene.robots[0])
         self.gripped_m_per_s2 = settings.acceleration_m_per_s2
-        self._runs: dict[tuple[bytes, bool], JointRun] = {}
+        self._runs: dict[tuple[bytes, bool, float], JointRun] = {}
 
     def stand(self, state: State) -> Vector:
         """Return the posture at a state's place [rad], shape (joints,).
@@ -161,7 +161,8 @@ class PlannedPaths:
             choose_visit_grasp(self.task.scene.body(motion.visit.subject), motion.visit).kind
             is GraspKind.JAWS
         )
-        key = path.nodes.tobytes(), is_gripped
+        zones = None if self.slow_zones is None else self.slow_zones.with_tool(motion.tool)
+        key = path.nodes.tobytes(), is_gripped, 0.0 if zones is None else zones.beyond_m
         if key not in self._runs:
             run: JointRun = find_fastest_trajectory(path, self.limits)
             limits = self.limits
@@ -170,8 +171,8 @@ class PlannedPaths:
                 run = SlowedRun.within(run, self.kinematics, share * self.gripped_m_per_s2)
                 if isinstance(run, SlowedRun):
                     limits = limits.stretched(run.factor)
-            if self.slow_zones is not None:
+            if zones is not None:
                 # Slow outside of zones as before, and inside no slower than they require.
-                run = find_fastest_trajectory(path, limits, self.slow_zones)
+                run = find_fastest_trajectory(path, limits, zones)
             self._runs[key] = run
         return self._runs[key]
