@@ -171,6 +171,33 @@ def test_an_envelope_ends_at_the_tip():
     assert verdict_of(content, "place(top)", *facts).is_infeasible
 
 
+def pressed(**ram):
+    """Return the content of a press on a part beneath a bridge."""
+    content = shelf()
+    ram = {"type": "press", "bit_length_m": 0.08, "holder_m": [0.6, -0.3], **ram}
+    content["tools"]["ram"] = ram
+    content["fixtures"] = {"bridge": {"size_m": [0.1, 0.1, 0.01], "at_m": [0.5, 0.0, 0.05]}}
+    content["works"] = {"push": {"tool": "ram", "part": "base", "force_n": 50, "at_m": [0.5, 0.0]}}
+    return content
+
+
+def test_the_ram_of_a_press_is_hit_where_its_body_is_not():
+    """The body stays above a bridge that the ram would pass through."""
+    body = {"boxes": [{"size_m": [0.06, 0.06, 0.08], "centre_m": [0, 0, 0.04]}]}
+    content = pressed(body=body)
+    verdict = verdict_of(content, "press(push)", "fixed", "placed(base)", tool="ram")
+    assert verdict.reason == "ram runs into bridge on the approach"
+    assert not any("bits" in words for words in AabbDetector(assembly(content)).not_checked())
+    del content["fixtures"]
+    assert verdict_of(content, "press(push)", "placed(base)", tool="ram").is_feasible
+
+
+def test_a_ram_without_a_body_is_listed_as_not_checked():
+    """It has no boxes."""
+    _, sentence = AabbDetector(assembly(pressed())).not_checked()
+    assert sentence == "bits, cups and shanks of tools without envelope_m or body: ram"
+
+
 def test_a_part_in_a_feeder_is_no_obstacle():
     """Two parts of one feeder do not touch each other."""
     content = shelf()

@@ -324,10 +324,18 @@ class AabbDetector(Detector):
             return ()
         fitted = [b.name for b in self.task.scene.bodies if any(fit.stops for fit in b.fits)]
         closed = [zone.name for zone in list_keep_outs(self.task.scene, "arm")]
+        bare = [
+            tool.name
+            for robot in self.task.scene.robots
+            for tool in robot.tools
+            if tool.ends and not tool.boxes and (tool.bit_m is not None or tool.beyond_m)
+        ]
+        without = f"tools without envelope_m or body: {', '.join(bare)}"
         zones = f"; in {', '.join(closed)} it misses all else of the arm" if closed else ""
         return (
             f"the arm's links, fingers and postures: aabb checks boxes of parts and tools{zones}",
             *([f"the stops of fits at the goals of {', '.join(fitted)}"] if fitted else []),
+            *([f"bits, cups and shanks of {without}"] if bare else []),
         )
 
     def refuses(self) -> str | None:

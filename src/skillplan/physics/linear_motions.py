@@ -26,8 +26,6 @@ from skillplan.task.pose import (
     unit,
 )
 from skillplan.task.scene import (
-    STANDARD_BIT_M,
-    STANDARD_CUP_M,
     Body,
     Grasp,
     GraspKind,
@@ -514,16 +512,8 @@ def list_handled(skill: Skill) -> Iterator[Visit]:
                 yield visit
 
 
-# Height of a pad below a shank that ends at the flange [m]. A narrow pad has a stem as long as a
-# bit.
-_PAD_HEIGHT_M: Final = 0.006
 SHANK_DIAMETER_M: Final = 0.036
 """Diameter of the shank above a bit or pad [m]."""
-
-
-def find_cup_height_m(diameter_m: float) -> float:
-    """Return the height of a suction cup below its shank: of its pad, or of a narrow one's stem."""
-    return STANDARD_BIT_M[0] if diameter_m < STANDARD_CUP_M else _PAD_HEIGHT_M
 
 
 def build_tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ...]:
@@ -541,14 +531,8 @@ def build_tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ..
         return ()
     if tool.envelope is not None:
         return (tool.envelope,)
-    ends: list[Shape]
-    if tool.kind is ToolKind.SUCTION:
-        height_m = find_cup_height_m(tool.cup_m)
-        ends = [Cylinder(tool.cup_m, height_m, (x, y, height_m / 2)) for x, y in tool.cups]
-    else:
-        height_m, diameter_m = tool.bit_m or STANDARD_BIT_M
-        ends = [Cylinder(diameter_m, height_m, (0.0, 0.0, height_m / 2))]
     if tool.shapes:
-        return (*ends, *tool.shapes)
+        return (*tool.ends, *tool.shapes)
+    height_m = tool.ends[0].height_m
     shank_m = hand.arm_tip_m + tool.beyond_m - height_m
-    return (*ends, Cylinder(SHANK_DIAMETER_M, shank_m, (0.0, 0.0, height_m + shank_m / 2)))
+    return (*tool.ends, Cylinder(SHANK_DIAMETER_M, shank_m, (0.0, 0.0, height_m + shank_m / 2)))

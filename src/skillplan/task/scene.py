@@ -243,6 +243,15 @@ STANDARD_BIT_M: Final = (0.040, 0.005)
 STANDARD_CUP_M: Final = 0.016
 """Diameter of a suction cup that a task does not describe [m]."""
 
+# Height of a pad below a shank that ends at the flange [m]. A narrow pad has a stem as long as a
+# bit.
+_PAD_HEIGHT_M: Final = 0.006
+
+
+def find_cup_height_m(diameter_m: float) -> float:
+    """Return the height of a suction cup below its shank: of its pad, or of a narrow one's stem."""
+    return STANDARD_BIT_M[0] if diameter_m < STANDARD_CUP_M else _PAD_HEIGHT_M
+
 
 @dataclass(frozen=True, slots=True)
 class Tool:
@@ -301,11 +310,24 @@ class Tool:
     outer_m: tuple[float, float] | None = None
 
     @property
+    def ends(self) -> tuple[Cylinder, ...]:
+        """Its suction cups, or its bit, ram or needle, from its tip; empty for a gripper."""
+        if self.kind is ToolKind.GRIPPER:
+            return ()
+        if self.kind is ToolKind.SUCTION:
+            height_m = find_cup_height_m(self.cup_m)
+            return tuple(Cylinder(self.cup_m, height_m, (x, y, height_m / 2)) for x, y in self.cups)
+        height_m, diameter_m = self.bit_m or STANDARD_BIT_M
+        return (Cylinder(diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
+
+    @property
     def boxes(self) -> tuple[Box, ...]:
-        """Boxes about it from its tip; empty if it is not modelled, and for a gripper."""
+        """Boxes about it from its tip; empty if its body is not modelled, and for a gripper."""
         if self.envelope is not None:
             return (self.envelope,)
-        return () if self.kind is ToolKind.GRIPPER else tuple(shape.box for shape in self.shapes)
+        if self.kind is ToolKind.GRIPPER or not self.shapes:
+            return ()
+        return tuple(shape.box for shape in (*self.ends, *self.shapes))
 
 
 @dataclass(frozen=True)

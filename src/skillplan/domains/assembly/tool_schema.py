@@ -28,10 +28,9 @@ from skillplan.files.schema_errors import (
     list_schema_issues,
     shown,
 )
-from skillplan.physics.linear_motions import find_cup_height_m
 from skillplan.robots.arm_description import Hand, JawProfile
 from skillplan.task.pose import Point
-from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind
+from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind, find_cup_height_m
 from skillplan.task.shape import Box, Mesh, Shape
 
 SAFETY_FACTOR: Final = 2.0

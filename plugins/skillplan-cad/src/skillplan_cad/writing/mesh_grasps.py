@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from skillplan.physics.linear_motions import SHANK_DIAMETER_M, find_cup_height_m
+from skillplan.physics.linear_motions import SHANK_DIAMETER_M
 from skillplan.robots.arm_description import Hand
+from skillplan.task.scene import find_cup_height_m
 from skillplan_cad.blocking.ray_mesh import RayMesh, RayView
 from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Points
 
