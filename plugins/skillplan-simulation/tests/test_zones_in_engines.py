@@ -27,9 +27,9 @@ pytestmark = pytest.mark.slow(reason="executes picks and places in both engines"
 def execute(request, tmp_path):
     """Return the performance of the plan in a cell with a zone, and its samples."""
 
-    def run(zone):
+    def run(zone, gripper="opening_m: 0.08"):
         path = tmp_path / "cell.yaml"
-        path.write_text(CELL.format(zone=zone))
+        path.write_text(CELL.format(zone=zone).replace("opening_m: 0.08", gripper))
         (task,) = load_problem(path).tasks
         engine = registry.load("physics", request.param)(task)
         samples = []
@@ -66,3 +66,15 @@ def test_the_measured_tip_is_slow_inside_and_quick_outside(execute):
     inside = (tips[:, 1] > 0.0) & (tips[:, 1] < 0.2)
     assert 0.09 < speeds[inside[1:] & inside[:-1]].max() < 0.103
     assert speeds[~inside[1:] & ~inside[:-1]].max() > 0.2
+
+
+def test_a_stroke_is_slow_where_the_tip_of_a_long_tool_is_inside(execute):
+    """The zone ends below the tip of the arm."""
+    zone = "{min_m: [0.5, -0.2], max_m: [0.7, 0.4], height_m: [0.0, 0.1], speed_m_per_s: 0.05}"
+    performance, samples = execute(zone, "length_m: 0.34")
+    assert performance.failed is None
+    strokes = [sample for sample in samples if sample.phase == "the approach to part"]
+    heights = np.array([sample.tip[2] for sample in strokes])
+    times_s = np.array([sample.time_s for sample in strokes])
+    speeds = np.abs(np.diff(heights)) / np.diff(times_s)
+    assert 0.04 < speeds[np.diff(times_s) < 0.1].max() < 0.053
