@@ -172,3 +172,41 @@ def test_every_posture_brings_the_hand_there_within_the_joints_limits(points, as
         assert abs(rotation[:, 1] @ np.array(unit(across))) == pytest.approx(1, abs=1e-6)
         assert (joints >= arm.low_rad).all()
         assert (joints <= arm.high_rad).all()
+
+
+def test_a_shank_runs_into_its_own_part_anywhere_but_in_the_hole():
+    """A ledge over the hole in the side of a post is in the way of the shank, not of the head."""
+    ledge = {"size_m": [0.03, 0.06, 0.01], "centre_m": [-0.045, 0.0, 0.185]}
+    boxes = [{"size_m": [0.06, 0.06, 0.2], "centre_m": [0.0, 0.0, 0.1]}, ledge]
+    content: dict[str, Any] = {
+        "kind": "assembly",
+        "name": "side",
+        "robot": {"model": "ur10e", "home_m": [0.6, -0.24], "safe_height_m": 0.35},
+        "tools": {
+            "driver": {
+                "type": "screwdriver",
+                "length_m": 0.2,
+                "bit_length_m": 0.1,
+                "holder_m": [0.55, 0.5],
+            }
+        },
+        "initial_tool": "driver",
+        "feeders": {"rack": {"position_m": [0.45, -0.4], "height_m": 0.06}},
+        "screws": {
+            "side": {
+                "tool": "driver",
+                "feeder": "rack",
+                "through": "post",
+                "hole_m": [0.72, 0.0, 0.1],
+                "axis": [1, 0, 0],
+                "size": "M3",
+                "length_m": 0.05,
+            }
+        },
+    }
+    free = ("hand_free", "tool(driver)", "at(home)", "placed(post)")
+    for shapes, hits in ((boxes, True), (boxes[:1], False)):
+        content["parts"] = {"post": {"fixed": True, "goal_m": [0.75, 0.0], "boxes": shapes}}
+        verdict = verdict_on(assembly(content), "fasten(side)", *free)
+        assert verdict.is_infeasible == hits
+        assert not hits or "the shank of side runs into post on the approach" in verdict.reason

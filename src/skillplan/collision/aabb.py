@@ -125,9 +125,11 @@ def _sweep_approach(
     at_height: Point = (here[0], here[1], safe_m)
     yield from _sweep_load(scene, "the travel", visit, load, at_height, transfer)
     down: Point = (0.0, 0.0, z_m - safe_m)
-    yield from _sweep_load(scene, "the approach", visit, load, (x_m, y_m, safe_m), down)
-    if any(into):
-        yield from _sweep_load(scene, "the approach", visit, load, before, into)
+    is_last = not any(into)
+    at_safe: Point = (x_m, y_m, safe_m)
+    yield from _sweep_load(scene, "the approach", visit, load, at_safe, down, is_last=is_last)
+    if not is_last:
+        yield from _sweep_load(scene, "the approach", visit, load, before, into, is_last=True)
 
 
 def _sweep_retreat(
@@ -143,9 +145,22 @@ def _sweep_retreat(
 
 
 def _sweep_load(
-    scene: Scene, label: str, visit: Visit, load: _Load, origin: Point, by: Point
+    scene: Scene,
+    label: str,
+    visit: Visit,
+    load: _Load,
+    origin: Point,
+    by: Point,
+    *,
+    is_last: bool = False,
 ) -> Iterator[Sweep]:
-    """Yield the sweeps of the carried body and of the tool on it."""
+    """Yield the sweeps of the carried body and of the tool on it.
+
+    Parameters
+    ----------
+    is_last
+        True for the stretch that ends at the target.
+    """
     body, tool = load.body, load.tool
     spares = frozenset({visit.subject} | ({body.name} if body is not None else set()))
     if body is not None:
@@ -155,8 +170,13 @@ def _sweep_load(
         yield Sweep(label, body.name, boxes, by, spares, is_load=True, overlaps_m=overlaps_m)
         if body.shank is not None:
             shank = shank_boxes(body, Pose(origin, visit.pose.orientation))
-            passes = spares.union(body.shank.passes)
-            yield Sweep(label, f"the {name_shank(body.name)}", shank, by, passes, is_load=True)
+            passes: tuple[str, ...] = ()
+            if visit.event is Event.DRIVE and is_last:
+                passes = body.shank.passes
+            elif visit.event is Event.FETCH and label == "the retreat":
+                passes = body.shank.stands_in
+            spared = spares.union(passes)
+            yield Sweep(label, f"the {name_shank(body.name)}", shank, by, spared, is_load=True)
     if tool is not None and tool.boxes:
         moved = plus(origin, visit.position, -1.0)
         boxes = tuple(_place_tool_box(scene, visit, load, box, moved) for box in tool.boxes)

@@ -126,11 +126,19 @@ class Shank:
         Diameter and length [m], > 0.
     passes
         Names of the bodies with a hole or a thread for it.
+    stands_in
+        Names of the bodies that it stands in at its feeder.
     """
 
     diameter_m: float
     length_m: float
     passes: tuple[str, ...] = ()
+    stands_in: tuple[str, ...] = ()
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Names of all these bodies: engines let it pass them on every stretch."""
+        return (*self.passes, *(name for name in self.stands_in if name not in self.passes))
 
     @property
     def shape(self) -> Cylinder:

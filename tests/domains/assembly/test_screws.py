@@ -203,6 +203,33 @@ def test_a_shank_that_stands_out_below_runs_into_what_lies_there():
     assert model.verdict(away, model.task.skill("fasten(bolt)")).is_feasible
 
 
+def test_a_shank_runs_into_its_own_part_anywhere_but_in_the_hole():
+    """A ledge over the hole in the side of a post is in the way of the shank, not of the head."""
+    content = copy.deepcopy(BLOCK)
+    content["robot"]["safe_height_m"] = 0.35
+    content["feeders"]["rack"] = {"position_m": [0.45, -0.4], "height_m": 0.06}
+    ledge = {"size_m": [0.03, 0.06, 0.01], "centre_m": [-0.045, 0.0, 0.185]}
+    boxes = [{"size_m": [0.06, 0.06, 0.2], "centre_m": [0.0, 0.0, 0.1]}, ledge]
+    content["parts"] = {"post": {"fixed": True, "goal_m": [0.75, 0.0], "boxes": boxes}}
+    content["screws"] = {
+        "side": {
+            "tool": "driver",
+            "feeder": "rack",
+            "through": "post",
+            "hole_m": [0.72, 0.0, 0.1],
+            "axis": [1, 0, 0],
+            "size": "M3",
+            "length_m": 0.05,
+        }
+    }
+    reasons = []
+    for content["parts"]["post"]["boxes"] in (boxes, boxes[:1]):
+        model = make_model(assembly(content), BOXES)
+        state = model.task.facts.of("hand_free", "tool(driver)", "at(home)", "placed(post)")
+        reasons.append(model.verdict(state, model.task.skill("fasten(side)")).reason)
+    assert reasons == ["the shank of side runs into post on the approach", ""]
+
+
 @pytest.fixture
 def flange_file(tmp_path):
     """A file of a lid with a flange: a hole of 6.6 mm in it, and a roof 30 mm high beside it."""

@@ -212,7 +212,7 @@ class World:
         if body.shank is not None:
             shank = name_shank(body.name)
             self.numbers[shank] = self.ids[shank]
-            self._masks.part(shank, body.shank.passes)
+            self._masks.part(shank, body.shank.unchecked)
         if not body.fixed:
             self.model.body_gravcomp[number] = 0.0
             self.put(body.name, pose)

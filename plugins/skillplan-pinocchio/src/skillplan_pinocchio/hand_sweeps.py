@@ -258,19 +258,20 @@ class HandSweeps:
         body, pose = self.scene.body(carried), motion.visit.pose.moved(offset)
         spares = get_spared_bodies(motion)
         # A fit states an overlap with its partner on the last stretch to the goal.
-        ends = plus(begin, by, 1.0)
-        is_last = (
-            motion.visit.event is Event.RELEASE
-            and math.dist(ends, motion.grasp_tip) <= motion.drop_m + 1e-9
-        )
-        fits = body.fits if is_last else ()
+        is_last = math.dist(plus(begin, by, 1.0), motion.grasp_tip) <= motion.drop_m + 1e-9
+        fits = body.fits if is_last and motion.visit.event is Event.RELEASE else ()
         overlaps_m = {fit.into: fit.overlap_m for fit in fits if fit.overlap_m > 0}
         pieces = make_pieces(body, pose)
         yield Sweep(label, carried, pieces, by, spares, is_load=True, overlaps_m=overlaps_m)
         if body.shank is not None:
             shank = make_shank_pieces(body, pose)
-            passes = spares.union(body.shank.passes)
-            yield Sweep(label, f"the {name_shank(carried)}", shank, by, passes, is_load=True)
+            passes: tuple[str, ...] = ()
+            if motion.visit.event is Event.DRIVE and is_last:
+                passes = body.shank.passes
+            elif motion.visit.event is Event.FETCH and math.dist(begin, motion.grasp_tip) <= 1e-9:
+                passes = body.shank.stands_in
+            spared = spares.union(passes)
+            yield Sweep(label, f"the {name_shank(carried)}", shank, by, spared, is_load=True)
 
     def _hands(
         self, label: str, motion: LinearMotion, begin: Point, by: Point, *, after: bool

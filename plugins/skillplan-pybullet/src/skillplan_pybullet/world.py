@@ -377,7 +377,7 @@ class World:
             shank=None if body.shank is None else body.shank.shape,
         )
         if body.shank is not None:
-            self._filter.pass_through(body.name, body.shank.passes)
+            self._filter.pass_through(body.name, body.shank.unchecked)
         self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
         self._hollow.pop(body.name, None)
         self._still.discard(body.name)

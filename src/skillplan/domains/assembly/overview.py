@@ -218,7 +218,7 @@ def _list_feeder_bodies(config: AssemblyConfig, name: str) -> list[str]:
     shank, own = find_shank(config, name), config.screws[name].shank
     assert shank is not None
     assert own is not None
-    return [body for body in shank.passes if body not in own.passes]
+    return [body for body in shank.stands_in if body not in own.passes]
 
 
 def _locate_fixture(fixture: FixtureConfig, bottom_m: float) -> str:

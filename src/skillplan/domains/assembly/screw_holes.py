@@ -110,11 +110,9 @@ def find_shank(config: AssemblyConfig, name: str) -> Shank | None:
     layout = get_layout(config)
     solid = Solid((shank.shape,), Pose(config.feeders[screw.feeder].position))
     stands_in = tuple(
-        body
-        for body in (*config.parts, *config.fixtures)
-        if _overlap(solid, layout.start(body)) and body not in shank.passes
+        body for body in (*config.parts, *config.fixtures) if _overlap(solid, layout.start(body))
     )
-    return replace(shank, passes=(*shank.passes, *stands_in))
+    return replace(shank, stands_in=stands_in)
 
 
 def list_asides_m(config: AssemblyConfig, name: str) -> list[Point | None]:
