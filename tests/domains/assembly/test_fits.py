@@ -75,6 +75,13 @@ def test_only_the_stated_overlap_is_allowed():
     assert solution_of(PRESS).status == "optimal"
 
 
+def test_the_stated_overlap_is_one_of_the_sides():
+    """A block of 20.6 mm may be wider than its pocket, but not 6 mm deep in a floor."""
+    deep = {"kind": "snap", "drawn_m": -0.0065, "force_n": 25.0, "stop": "arm"}
+    (message,) = messages(deep, goal_m=[0.5, 0.1, 0.004])
+    assert "'block' is 6.0 mm deep in 'housing' along its insertion" in message
+
+
 def test_a_press_fit_holds_a_part_that_nothing_bears():
     """Higher than the floor of its pocket; a sliding part floats there."""
     assert messages({**PRESS, "stop": "arm"}, goal_m=[0.5, 0.1, 0.012]) == []

@@ -8,15 +8,22 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from skillplan.collision.solid import TOUCH_M, Solid, find_centre, is_supported
+from skillplan.domains.assembly.insertion import list_directions
 from skillplan.domains.assembly.layout import get_layout, get_table
 from skillplan.domains.assembly.part_meshes import build_origin_hint
 from skillplan.domains.assembly.part_schema import FitConfig, PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
+from skillplan.task.pose import Point
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 # A part that passes a wall once it is narrower by this share was meant to stand next to it.
 _WALL_SHARE = 0.4
 _PRECISION_M = 1e-5
+# Rounding of a depth [m].
+_ROUNDING_M = 1e-9
+# Extent that a part keeps at least where its stated overlap is taken away [m].
+_LEAST_CORE_M = 2e-4
 
 TABLE = "the table"
 """Name of the table as a support; part names have no blanks."""
@@ -173,6 +180,8 @@ def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issu
             given = stage.place(config.parts[second]) is not None
             key = f"{stage.key}_m" if given else f"{stage.key}_on"
             yield Issue(message, ("parts", second, key)), {first, second}
+        elif stated_m:
+            yield from _find_sinking(config, stage, first, second)
     for name, solid in stage.solids.items():
         if name in config.fixtures:
             continue
@@ -180,6 +189,70 @@ def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issu
         if depth_m > TOUCH_M:
             message = f"{name!r} is {_show_mm(depth_m)} deep in the table {stage.when}. Raise it."
             yield Issue(message, ("parts", name, f"{stage.key}_m")), {name}
+
+
+def _find_sinking(
+    config: AssemblyConfig, stage: _Stage, first: str, second: str
+) -> Iterator[tuple[Issue, set[str]]]:
+    """Yield a part that is deep in its partner where its fit states an overlap of the sides only.
+
+    Without the stated overlap on its sides, it must not overlap along its insertion.
+    """
+    for name, other in ((first, second), (second, first)):
+        part = config.parts.get(name)
+        if part is None or other not in (part.fits or {}):
+            continue
+        fit = (part.fits or {})[other]
+        own, partner = stage.solids[name], stage.solids[other]
+        depth_m = min(
+            _measure_depth_m(own, partner, direction, fit.overlap_m)
+            for direction in list_directions(config, name)
+        )
+        if depth_m > TOUCH_M + _ROUNDING_M:
+            message = (
+                f"{name!r} is {_show_mm(depth_m)} deep in {other!r} along its "
+                f"insertion {stage.when}. Its fit states an overlap of the sides. Move one."
+            )
+            key = f"{stage.key}_on" if stage.place(part) is None else f"{stage.key}_m"
+            yield Issue(message, ("parts", name, key)), {first, second}
+
+
+def _measure_depth_m(own: Solid, partner: Solid, direction: Point, by_m: float) -> float:
+    """Return the depth of a body whose sides along a direction are shifted inwards [m].
+
+    Bodies oblique to the direction, and meshes that are not convex, count as no deeper.
+    """
+    along = own.pose.inverse().rotate(direction)
+    axis = max(range(3), key=lambda i: abs(along[i]))
+    if abs(along[axis]) < 1 - 1e-6:
+        return 0.0
+    narrowed = [_narrow(shape, axis, by_m) for shape in own.shapes]
+    shapes = [shape for shape in narrowed if shape is not None]
+    return replace(own, shapes=shapes).depth_m(partner) if shapes else 0.0
+
+
+def _narrow(shape: Shape, axis: int, by_m: float) -> Shape | None:
+    """Return a shape whose sides along an axis of its body are shifted inwards, or None."""
+    if isinstance(shape, Cylinder) and axis == 2:
+        width_m = max(shape.diameter_m - 2 * by_m, _LEAST_CORE_M)
+        return replace(shape, diameter_m=min(width_m, shape.diameter_m))
+    if isinstance(shape, Cylinder) or (isinstance(shape, Mesh) and not shape.convex):
+        return None
+    box = shape.box
+    size = [
+        extent if i == axis else min(max(extent - 2 * by_m, _LEAST_CORE_M), extent)
+        for i, extent in enumerate(box.size)
+    ]
+    if isinstance(shape, Box):
+        return Box((size[0], size[1], size[2]), box.centre)
+    corners = []
+    for corner in shape.corners:
+        x, y, z = (
+            middle + (value - middle) * size[i] / box.size[i]
+            for i, (value, middle) in enumerate(zip(corner, box.centre, strict=True))
+        )
+        corners.append((x, y, z))
+    return replace(shape, corners=tuple(corners))
 
 
 def _find_fit(config: AssemblyConfig, first: str, second: str) -> FitConfig | None:
