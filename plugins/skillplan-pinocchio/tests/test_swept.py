@@ -226,6 +226,20 @@ class TestLoad:
         assert verdict.reason == "base runs into lip on the retreat"
         assert verdict_of(content, "pick(base)", *facts).is_feasible
 
+    def test_a_fit_does_not_act_in_a_buffer(self):
+        """A part that is put down 5 mm deep in the side of its partner runs into it."""
+        content = shelf()
+        content["buffers"] = {"bench": {"at_m": [0.5, 0.065]}}
+        content["parts"]["top"] |= {
+            "grasp": [{"closing_axis": axis} for axis in "xy"],
+            "buffers": "bench",
+            "fits": {"base": {"kind": "snap", "drawn_m": -0.006, "force_n": 25.0}},
+        }
+        facts = ("placed(base)", "held(top)", "grasp(top.top_x)")
+        verdict = verdict_of(content, "place(top.bench)", *facts, check_arm=False)
+        assert "top runs into base on the approach" in verdict.reason
+        assert verdict_of(content, "place(top)", *facts, check_arm=False).is_feasible
+
     def test_parts_that_slide_along_each_other_only_touch(self):
         """Side by side without a gap, across the jaws."""
         content = shelf()

@@ -165,7 +165,7 @@ def _sweep_load(
     spares = frozenset({visit.subject} | ({body.name} if body is not None else set()))
     if body is not None:
         boxes = world_boxes(body, Pose(origin, visit.pose.orientation))
-        fits = body.fits if visit.event is Event.RELEASE and label == "the approach" else ()
+        fits = body.fits if visit.is_fitted and is_last else ()
         overlaps_m = {fit.into: fit.overlap_m for fit in fits if fit.overlap_m > 0}
         yield Sweep(label, body.name, boxes, by, spares, is_load=True, overlaps_m=overlaps_m)
         if body.shank is not None:
@@ -535,7 +535,7 @@ class AabbDetector(Detector):
                     if (area := contact_area(foot, top, tolerance_m)) is not None
                 )
                 holds = any(fit.holds and fit.into == other.name for fit in body.fits)
-                if holds and visit.event is Event.RELEASE:
+                if holds and visit.is_fitted:
                     areas += tuple(
                         (box.low[0], box.low[1], box.high[0], box.high[1])
                         for box in boxes

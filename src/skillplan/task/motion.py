@@ -125,6 +125,8 @@ class Visit:
         Force with which the tip presses at a work [N], >= 0.
     torque_nm
         Tightening torque of a screw [N m], > 0, for the controller; None if it is not stated.
+    at_goal
+        False where a part is put down elsewhere than at its goal, so that its fits do not act.
     """
 
     pose: Pose
@@ -138,6 +140,7 @@ class Visit:
     path: tuple[Point, ...] = ()
     press_n: float = 0.0
     torque_nm: float | None = None
+    at_goal: bool = True
 
     def __post_init__(self) -> None:
         if self.press_n < 0 or not math.isfinite(self.press_n):
@@ -148,6 +151,11 @@ class Visit:
             raise ValueError(f"Visit insert_m must be > 0, not {self.insert_m}.")
         if not 0 <= self.dwell_s < math.inf:
             raise ValueError(f"Visit dwell_s must be >= 0, not {self.dwell_s}.")
+
+    @property
+    def is_fitted(self) -> bool:
+        """True if a part is released at its goal, where its fits act."""
+        return self.event is Event.RELEASE and self.at_goal
 
     @property
     def position(self) -> Point:

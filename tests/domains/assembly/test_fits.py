@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from skillplan import Setup, solve
+from skillplan import Setup, make_model, solve
 from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain, get_layout
 
 BOXES = Setup(collision=("aabb",))
@@ -88,6 +88,35 @@ def test_a_press_fit_holds_a_part_that_nothing_bears():
     assert solution_of({**PRESS, "stop": "arm"}, goal_m=[0.5, 0.1, 0.012]).status == "optimal"
     (message,) = messages({"kind": "clearance", "drawn_m": 0.0}, 0.0198, goal_m=[0.5, 0.1, 0.012])
     assert "floats 2.0 mm above 'housing'" in message
+
+
+def test_a_fit_does_not_act_in_a_buffer():
+    """A block that is put down 5 mm deep in the side of the housing runs into it."""
+    fit = {"kind": "snap", "drawn_m": -0.006, "force_n": 25.0}
+    content = content_of(fit, buffers="bench", grasp=[{"closing_axis": axis} for axis in "xy"])
+    content["buffers"] = {"bench": {"at_m": [0.5, 0.1353]}}
+    content["parts"]["housing"] |= {"fixed": False, "tool": "hand", "start_m": [0.4, -0.35]}
+    (task,) = AssemblyDomain().ground(AssemblyConfig.model_validate(content), "")
+    state = task.facts.of(
+        "placed(housing)", "held(block)", "grasp(block.top_x)", "tool(hand)", "at(home)"
+    )
+    model = make_model(task, BOXES)
+    verdict = model.verdict(state, task.skill("place(block.bench)"))
+    assert verdict.reason == "block runs into housing on the approach"
+    assert model.verdict(state, task.skill("place(block)")).is_feasible
+
+
+def test_a_fit_acts_on_the_last_stretch_alone():
+    """A ledge is 0.4 mm in the way down to where a block is pushed in from the side."""
+    ledge = {"size_m": [0.02, 0.06, 0.01], "centre_m": [-0.0499, 0.0, 0.055]}
+    content = content_of(PRESS, insert_along=[1, 0, 0], insert_m=0.03)
+    reasons = []
+    for boxes in ([HOUSING[0], ledge], HOUSING[:1]):
+        content["parts"]["housing"]["boxes"] = boxes
+        (task,) = AssemblyDomain().ground(AssemblyConfig.model_validate(content), "")
+        state = task.facts.of("placed(housing)", "held(block)", "tool(hand)", "at(home)")
+        reasons.append(make_model(task, BOXES).verdict(state, task.skill("place(block)")).reason)
+    assert reasons == ["block runs into housing on the approach", ""]
 
 
 def test_glue_costs_its_waiting_time():

@@ -259,7 +259,7 @@ class HandSweeps:
         spares = get_spared_bodies(motion)
         # A fit states an overlap with its partner on the last stretch to the goal.
         is_last = math.dist(plus(begin, by, 1.0), motion.grasp_tip) <= motion.drop_m + 1e-9
-        fits = body.fits if is_last and motion.visit.event is Event.RELEASE else ()
+        fits = body.fits if is_last and motion.visit.is_fitted else ()
         overlaps_m = {fit.into: fit.overlap_m for fit in fits if fit.overlap_m > 0}
         pieces = make_pieces(body, pose)
         yield Sweep(label, carried, pieces, by, spares, is_load=True, overlaps_m=overlaps_m)

@@ -158,7 +158,7 @@ class SweptMotionBuilder:
                 events += self._collisions(stretch)
             if self.check_support and motion.visit.event in (Event.RELEASE, Event.DRIVE):
                 supports.append(self._supports(motion))
-                if motion.visit.event is Event.RELEASE and self._stopped_by(motion):
+                if motion.visit.is_fitted and self._stopped_by(motion):
                     stops.append(self._stops(motion))
         travels = None if self.travels is None else self.travels(motions)
         return SweptMotion(tuple(events), tuple(supports), tuple(stops), travels)
@@ -205,7 +205,7 @@ class SweptMotionBuilder:
                 for obstacle in obstacles
             )
         supports = find_supports(body.name, pieces, obstacles, self.planner.tolerance_m)
-        if visit.event is not Event.RELEASE:
+        if not visit.is_fitted:
             return supports
         holding = {fit.into for fit in body.fits if fit.holds}
         holders = [

@@ -65,7 +65,7 @@ def list_buffer_visits(
     kind = "pick" if event is Event.GRASP else "place"
     takes_s = find_dwell_s(kind, config.durations_s, part, config.tools[part.tool])
     return [
-        Visit(solid.pose, event, name, _get_named(grasp), dwell_s=takes_s)
+        Visit(solid.pose, event, name, _get_named(grasp), dwell_s=takes_s, at_goal=False)
         for grasp in list_grasps(config, name)
     ]
 
