@@ -212,9 +212,13 @@ def _place_tool_box(
 
 def _load(scene: Scene, visit: Visit, tool: Tool | None, carries: str | None) -> _Load:
     body = None if carries is None else scene.body(carries)
-    if body is None or visit.pose.is_upright:
-        return _Load(body, tool, 0.0)
-    return _Load(body, tool, visit.position[2] + body.reach_m(visit.pose, DOWN))
+    lift_m = 0.0
+    if body is not None and not visit.pose.is_upright:
+        lift_m = visit.position[2] + body.reach_m(visit.pose, DOWN)
+    if body is not None and body.shank is not None:
+        down = visit.pose.inverse().rotate(DOWN)
+        lift_m = max(lift_m, body.shank.shape.reach_m(down))
+    return _Load(body, tool, lift_m)
 
 
 def _find_stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:

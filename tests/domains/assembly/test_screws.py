@@ -230,6 +230,19 @@ def test_a_shank_runs_into_its_own_part_anywhere_but_in_the_hole():
     assert reasons == ["the shank of side runs into post on the approach", ""]
 
 
+def test_a_shank_is_carried_above_all_that_is_lower_than_the_safe_height():
+    """A wall 20 mm below this height, and a shank of 25 mm, from every place of the arm."""
+    content = content_of(length_m=0.025)
+    content["robot"] |= {"home_m": [0.5, 0.1], "safe_height_m": 0.1}
+    content["fixtures"] = {"wall": {"size_m": [0.3, 0.01, 0.08], "at_m": [0.5, 0.2]}}
+    model = make_model(assembly(content), BOXES)
+    for place in ("home", "driver.holder"):
+        state = model.task.facts.of(
+            "fixed", "placed(lid)", "placed(base)", "hand_free", "tool(driver)", f"at({place})"
+        )
+        assert model.verdict(state, model.task.skill("fasten(bolt)")).reason == ""
+
+
 @pytest.fixture
 def flange_file(tmp_path):
     """A file of a lid with a flange: a hole of 6.6 mm in it, and a roof 30 mm high beside it."""
