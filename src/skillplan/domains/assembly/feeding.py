@@ -103,20 +103,20 @@ def _find_least_time_s(
         return min(
             find_dwell_s(kind, config.durations_s, part, config.tools[tool])
             for part in owners
-            for tool in (part.tool, *(part.other_tools or ()))
+            for tool in part.tools
         )
 
     def driving_s(name: str) -> float:
-        tools = (config.screws[name].tool, *(config.screws[name].other_tools or ()))
         return min(
-            find_driving(choose_variant(config, name, tool=tool), name).takes_s for tool in tools
+            find_driving(choose_variant(config, name, tool=tool), name).takes_s
+            for tool in config.screws[name].tools
         )
 
     if screws:
         fetch_s = min(
             find_dwell_s("fetch", config.durations_s, screw, config.tools[tool])
             for screw in map(config.screws.__getitem__, screws)
-            for tool in (screw.tool, *(screw.other_tools or ()))
+            for tool in screw.tools
         )
         return fetch_s + min(map(driving_s, screws)), "fetching and driving a screw takes"
     others = [*_list_others(config, parts, part_s, driving_s)]

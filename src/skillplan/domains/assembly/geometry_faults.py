@@ -129,7 +129,7 @@ def _find_overloads(config: AssemblyConfig) -> Iterator[Issue]:
             yield Issue(words, ("tools", name, "mass_kg") if given else ("robot", "payload_kg"))
     for section, items in (("parts", config.moved_parts), ("screws", config.screws)):
         for name, item in items.items():
-            for tool in (item.tool, *(item.other_tools or ())):
+            for tool in item.tools:
                 kg = on_flange_kg[tool]
                 if item.mass_kg + kg > limit_kg >= kg:
                     words = f"{item.mass_kg:g} kg, with {kg:g} kg of {tool!r}, is {most}"

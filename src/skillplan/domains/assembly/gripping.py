@@ -57,8 +57,8 @@ def choose_tool_kind(config: AssemblyConfig, tool: str) -> ToolKind:
     given = config.tools[tool].type
     if given is not None:
         return ToolKind(given)
-    drives = any(tool in (s.tool, *(s.other_tools or ())) for s in config.screws.values())
-    holds = any(tool in (p.tool, *(p.other_tools or ())) for p in config.parts.values())
+    drives = any(tool in s.tools for s in config.screws.values())
+    holds = any(tool in p.tools for p in config.parts.values())
     return ToolKind.SCREWDRIVER if drives and not holds else ToolKind.GRIPPER
 
 
@@ -116,10 +116,10 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
         for issue in _find_part_issues(config, name):
             yield issue.under("parts", name)
     for name, screw in config.screws.items():
-        for tool in (screw.tool, *(screw.other_tools or ())):
-            if choose_tool_kind(config, tool) in (ToolKind.SUCTION, *_WITH_BIT):
-                kind = choose_tool_kind(config, tool)
-                message = f"{tool!r} is a {kind}, which drives no screw. Name another."
+        for driver in screw.tools:
+            kind = choose_tool_kind(config, driver)
+            if kind in (ToolKind.SUCTION, *_WITH_BIT):
+                message = f"{driver!r} is a {kind}, which drives no screw. Name another."
                 yield Issue(message, ("screws", name, "tool"))
 
 

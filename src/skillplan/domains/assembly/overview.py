@@ -284,7 +284,7 @@ def _describe_alternatives(config: AssemblyConfig) -> Iterator[str]:
     owners: dict[str, PartConfig | ScrewConfig] = {**config.moved_parts, **config.screws}
     for name, owner in owners.items():
         if owner.other_tools:
-            yield f"choice     {name} by {' or '.join((owner.tool, *owner.other_tools))}"
+            yield f"choice     {name} by {' or '.join(owner.tools)}"
         if owner.optional:
             yield f"optional   {name} need not be done"
     for line in config.chart:

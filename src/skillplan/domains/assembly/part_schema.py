@@ -535,6 +535,11 @@ class PartConfig(Shaped):
         return self
 
     @property
+    def tools(self) -> tuple[str, ...]:
+        """The tools that may act on it, the preferred one first."""
+        return (self.tool, *(self.other_tools or ()))
+
+    @property
     def start_turn_rad(self) -> Point:
         """Roll, pitch and yaw at the start [rad]."""
         return _make_turn(self.start_rpy_rad, self.start_yaw_rad)

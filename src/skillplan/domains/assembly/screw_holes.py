@@ -190,7 +190,7 @@ class _Lines:
 def find_shank_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield torques beyond a tool, and shanks that run into something or find no thread."""
     for name, screw in config.screws.items():
-        for tool in (screw.tool, *(screw.other_tools or ())):
+        for tool in screw.tools:
             limit_nm = config.tools[tool].torque_nm
             if screw.torque_nm is None or limit_nm is None or screw.torque_nm <= limit_nm:
                 continue

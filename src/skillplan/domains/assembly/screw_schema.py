@@ -214,6 +214,11 @@ class ScrewConfig(Strict):
     )
 
     @property
+    def tools(self) -> tuple[str, ...]:
+        """The tools that may act on it, the preferred one first."""
+        return (self.tool, *(self.other_tools or ()))
+
+    @property
     def direction(self) -> Point:
         """Unit vector in the world along which it goes into its hole."""
         return make_unit(self.axis)

@@ -105,8 +105,8 @@ def list_place_options(config: AssemblyConfig, part: str) -> list[PlaceOption]:
 
 def list_tool_labels(owner: PartConfig | ScrewConfig) -> list[tuple[str, str]]:
     """Return the tools of a part or screw, each with the suffix of its skills' names."""
-    others = owner.other_tools or ()
-    return [("", owner.tool), *((f":{tool}", tool) for tool in others)]
+    first, *others = owner.tools
+    return [("", first), *((f":{tool}", tool) for tool in others)]
 
 
 def list_facts(config: AssemblyConfig) -> Facts:
