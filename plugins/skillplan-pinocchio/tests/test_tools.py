@@ -29,6 +29,19 @@ def test_a_dispenser_is_checked_along_its_path():
     assert "glue runs into pin on the path" in reason("dispense(bead)", *before, **high)
 
 
+def test_a_dispenser_takes_the_time_of_its_path_once():
+    """Three lines of 60 mm at 0.05 m/s, and at half the speed."""
+    durations_s = []
+    for speed in ("0.05", "0.025"):
+        (task,) = load_problem(CELL, changes={"works.bead.speed_m_per_s": speed}).tasks
+        state = task.facts.of("placed(housing)", "tool(glue)", "hand_free", "at(glue.holder)")
+        skill = task.skill("dispense(bead)")
+        durations_s.append(SweptDetector(task).duration_s(skill, state))
+        least_s = SweptDetector(task).least_duration_s(skill, state.bits, 0)
+        assert 0.5 * durations_s[-1] < least_s <= durations_s[-1]
+    assert durations_s[1] - durations_s[0] == pytest.approx(0.18 / 0.05)
+
+
 def test_joints_bear_the_force_of_a_press():
     assert reason("press(bond)", "load(ram)") == ""
     strong = {"works.bond.force_n": "900", "tools.ram.force_n": "1000"}

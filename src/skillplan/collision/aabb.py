@@ -30,7 +30,7 @@ from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.motion import AXES, Event, Grasp, GraspKind, Visit
 from skillplan.task.pose import DOWN, Point, Pose, cross, dot, is_same_direction, plus, unit
-from skillplan.task.scene import WORLD, Body, Placement, Robot, Scene, Tool, name_shank
+from skillplan.task.scene import WORLD, Body, Placement, Robot, Scene, Tool, ToolKind, name_shank
 from skillplan.task.shape import Box
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -38,6 +38,10 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan.task.zone import Mover, Zone, list_keep_outs
 
+# Half of the least extent of a box whose sides are shifted inwards [m].
+_LEAST_HALF_M = 5e-5
+# Component of a direction from which on it counts as along an axis.
+_STEEP = 0.5
 # Clearance between a hand and a part that it approaches from the side or inserts [m].
 _STANDOFF_M = 0.02
 
@@ -168,6 +172,11 @@ def _sweep_load(
         fits = body.fits if visit.is_fitted and is_last else ()
         overlaps_m = {fit.into: fit.overlap_m for fit in fits if fit.overlap_m > 0}
         yield Sweep(label, body.name, boxes, by, spares, is_load=True, overlaps_m=overlaps_m)
+        for into, overlap_m in overlaps_m.items():
+            # The overlap is one of the sides: along the insertion it is none.
+            core = tuple(_narrow(box, visit.along, overlap_m) for box in boxes)
+            others_m = {other: m for other, m in overlaps_m.items() if other != into}
+            yield Sweep(label, body.name, core, by, spares, is_load=True, overlaps_m=others_m)
         if body.shank is not None:
             shank = shank_boxes(body, Pose(origin, visit.pose.orientation))
             passes: tuple[str, ...] = ()
@@ -181,6 +190,16 @@ def _sweep_load(
         moved = plus(origin, visit.position, -1.0)
         boxes = tuple(_place_tool_box(scene, visit, load, box, moved) for box in tool.boxes)
         yield Sweep(label, tool.name, boxes, by, spares)
+
+
+def _narrow(box: WorldBox, along: Point, by_m: float) -> WorldBox:
+    """Return a box whose sides along an axis of the world are shifted inwards, but not flat."""
+    low, high = list(box.low), list(box.high)
+    for axis in (axis for axis in range(3) if abs(along[axis]) < _STEEP):
+        half_m = (high[axis] - low[axis]) / 2
+        in_m = min(by_m, max(half_m - _LEAST_HALF_M, 0.0))
+        low[axis], high[axis] = low[axis] + in_m, high[axis] - in_m
+    return WorldBox((low[0], low[1], low[2]), (high[0], high[1], high[2]))
 
 
 def _place_tool_box(
@@ -352,7 +371,13 @@ class AabbDetector(Detector):
             tool.name
             for robot in self.task.scene.robots
             for tool in robot.tools
-            if tool.ends and not tool.boxes and (tool.bit_m is not None or tool.beyond_m)
+            if tool.ends and not tool.boxes
+        ]
+        hands = [
+            tool.name
+            for robot in self.task.scene.robots
+            for tool in robot.tools
+            if tool.kind is ToolKind.GRIPPER and tool.hand is not None and not tool.boxes
         ]
         without = f"tools without envelope_m or body: {', '.join(bare)}"
         zones = f"; in {', '.join(closed)} it misses all else of the arm" if closed else ""
@@ -360,6 +385,7 @@ class AabbDetector(Detector):
             f"the arm's links, fingers and postures: aabb checks boxes of parts and tools{zones}",
             *([f"the stops of fits at the goals of {', '.join(fitted)}"] if fitted else []),
             *([f"bits, cups and shanks of {without}"] if bare else []),
+            *([f"bodies of the grippers {', '.join(hands)}, without envelope_m"] if hands else []),
         )
 
     def refuses(self) -> str | None:

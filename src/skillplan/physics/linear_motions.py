@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 from skillplan.robots.arm_description import Hand
@@ -124,6 +125,13 @@ class LinearMotion:
     def above(self) -> Point:
         """First point of the approach [m]."""
         return self.approach[0]
+
+    @property
+    def least_times_s(self) -> tuple[float, ...]:
+        """Least time of each stretch of the approach [s]: 0, or that of a path of its own speed."""
+        legs = pairwise((*self.visit.path, self.visit.position))
+        own_s = tuple(map(self.visit.measure_leg_s, legs)) if self.visit.path else ()
+        return (*(0.0 for _ in range(len(self.approach) - 1 - len(own_s))), *own_s)
 
     @property
     def ends_at(self) -> Point:
@@ -343,7 +351,7 @@ def _choose_drop_m(scene: Scene, visit: Visit, drop_height_m: float) -> float:
     """Return the height above its goal at which a visit releases a part [m]."""
     if visit.event is not Event.RELEASE or is_same_direction(visit.along, AXES["z"]):
         return 0.0
-    if any(fit.is_led for fit in scene.body(visit.subject).fits):
+    if visit.is_fitted and any(fit.is_led for fit in scene.body(visit.subject).fits):
         # The hand brings it to its seat.
         return 0.0
     if is_same_direction(visit.along, DOWN):

@@ -189,7 +189,7 @@ def share_times(task: Task, result: Result) -> TimeShares:
             change_s += step.duration_s
         else:
             visits = () if skill.motion is None else skill.motion.visits(state)
-            dwell_s = min(step.duration_s, sum(visit.dwell_s for visit in visits))
+            dwell_s = min(step.duration_s, sum(visit.acts_s for visit in visits))
             work_s += dwell_s
             travel_s += step.duration_s - dwell_s
         state = skill.prediction_in(state).apply(state)

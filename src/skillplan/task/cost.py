@@ -7,13 +7,12 @@ facts are known (:meth:`Cost.least`), from which solvers build admissible bounds
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
-from skillplan.task.motion import Motion, Point
+from skillplan.task.motion import Motion, Point, Visit
 from skillplan.task.state import State
 from skillplan.task.zone import SlowTravel
 
@@ -162,12 +161,8 @@ class DistanceCost:
         object.__setattr__(self, "_starts", starts)
         routes = []
         for route in self.motion.routes:
-            points = [point for visit in route.visits for point in (*visit.path, visit.position)]
-            beyond = sum(compute_planar_distance(a, b) for a, b in pairwise(points))
-            dwell_s = math.fsum(visit.dwell_s for visit in route.visits) if self.dwells else 0.0
-            if self.slow is not None:
-                dwell_s += self.slow.cost_s(*points)
-            routes.append((route.when.bits, points[0][0], points[0][1], beyond, dwell_s))
+            first, beyond, dwell_s = self._measure_route(route.visits)
+            routes.append((route.when.bits, first[0], first[1], beyond, dwell_s))
         object.__setattr__(self, "_places_mask", mask)
         object.__setattr__(self, "_routes", tuple(routes))
 
@@ -203,6 +198,30 @@ class DistanceCost:
             ),
             default=math.inf,
         )
+
+    def _measure_route(self, visits: Sequence[Visit]) -> tuple[Point, float, float]:
+        """Return the first point of a route, its length from there [m], and a fixed amount.
+
+        A path with a speed of its own counts with its time instead of its length, if time counts.
+        """
+        times_s = [visit.dwell_s for visit in visits] if self.dwells else []
+        beyond_m = slow_s = 0.0
+        here: Point | None = None
+        for visit in visits:
+            is_timed = self.dwells and visit.path_speed_m_per_s is not None
+            for number, point in enumerate((*visit.path, visit.position)):
+                if here is not None:
+                    length_m = compute_planar_distance(here, point)
+                    lost_s = 0.0 if self.slow is None else self.slow.cost_s(here, point)
+                    if is_timed and number:
+                        least_s = visit.measure_leg_s((here, point))
+                        times_s.append(max(least_s, self.per_m * length_m + lost_s))
+                    else:
+                        beyond_m += length_m
+                        slow_s += lost_s
+                here = point
+        first = (*visits[0].path, visits[0].position)[0]
+        return first, beyond_m, math.fsum(times_s) + slow_s
 
     def _slow_to(self, start: tuple[float, float, float], x_m: float, y_m: float) -> float:
         """Return the additional cost from a place to the first visit."""

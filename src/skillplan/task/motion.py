@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 
 from skillplan.task.pose import DOWN, Point, Pose, dot, is_same_direction, is_unit
 from skillplan.task.state import State
@@ -115,12 +116,14 @@ class Visit:
     insert_m
         Length of this stretch [m], > 0; None for a default.
     dwell_s
-        Time at the target [s], >= 0.
+        Time at the target [s], >= 0, without that of `path`.
     aside_m
         Displacement from below the target to where the hand comes down and goes up again [m]; None
         above it.
     path
         Points in the world that the tip passes at a work before the target [m].
+    path_speed_m_per_s
+        Greatest speed of the tip along `path` [m/s], > 0; None for that of travels.
     press_n
         Force with which the tip presses at a work [N], >= 0.
     torque_nm
@@ -138,6 +141,7 @@ class Visit:
     dwell_s: float = 0.0
     aside_m: Point | None = None
     path: tuple[Point, ...] = ()
+    path_speed_m_per_s: float | None = None
     press_n: float = 0.0
     torque_nm: float | None = None
     at_goal: bool = True
@@ -151,11 +155,29 @@ class Visit:
             raise ValueError(f"Visit insert_m must be > 0, not {self.insert_m}.")
         if not 0 <= self.dwell_s < math.inf:
             raise ValueError(f"Visit dwell_s must be >= 0, not {self.dwell_s}.")
+        if self.path_speed_m_per_s is not None and not 0 < self.path_speed_m_per_s < math.inf:
+            raise ValueError(
+                f"Visit path_speed_m_per_s must be > 0, not {self.path_speed_m_per_s}."
+            )
 
     @property
     def is_fitted(self) -> bool:
         """True if a part is released at its goal, where its fits act."""
         return self.event is Event.RELEASE and self.at_goal
+
+    @property
+    def path_s(self) -> float:
+        """Least time of the tip along `path` [s]; 0 without a speed of its own."""
+        return math.fsum(map(self.measure_leg_s, pairwise((*self.path, self.position))))
+
+    def measure_leg_s(self, leg: tuple[Point, Point]) -> float:
+        """Return the least time between two points of `path` [s]."""
+        return 0.0 if self.path_speed_m_per_s is None else math.dist(*leg) / self.path_speed_m_per_s
+
+    @property
+    def acts_s(self) -> float:
+        """Time at the target and along `path` [s]."""
+        return self.dwell_s + self.path_s
 
     @property
     def position(self) -> Point:

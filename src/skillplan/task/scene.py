@@ -84,6 +84,8 @@ class Fit:
         Width of the chamfer at the mouth [m]; None if contacts lead the body in.
     stops
         True if a face of another body must end the insertion.
+    outside_m
+        Greatest excess of the shapes of both over the walls of their holes [m], >= 0.
     """
 
     into: str
@@ -93,6 +95,7 @@ class Fit:
     force_n: float | None = None
     lead_in_m: float | None = None
     stops: bool = False
+    outside_m: float = 0.0
 
     @property
     def overlap_m(self) -> float:

@@ -80,6 +80,12 @@ def test_the_stated_overlap_is_one_of_the_sides():
     deep = {"kind": "snap", "drawn_m": -0.0065, "force_n": 25.0, "stop": "arm"}
     (message,) = messages(deep, goal_m=[0.5, 0.1, 0.004])
     assert "'block' is 6.0 mm deep in 'housing' along its insertion" in message
+    assert solution_of(deep, goal_m=[0.5, 0.1, 0.004]).status == "infeasible"
+
+
+def test_a_fit_in_a_part_that_is_elsewhere_is_a_fault():
+    (message,) = messages(PRESS, goal_m=[0.6, 0.1], goal_on=None)
+    assert "is 59.7 mm from 'block' at its goal" in message
 
 
 def test_a_press_fit_holds_a_part_that_nothing_bears():
@@ -141,6 +147,7 @@ def test_the_stop_that_boxes_do_not_check_is_named():
         ({"kind": "clearance", "drawn_m": 0.0, "stop": "arm"}, "nothing would hold the part"),
         ({"drawn_m": 0.0}, "give 'kind', or 'play_m'"),
         ({"drawn_m": 0.0, "play_m": 0.0, "force_n": 3.0}, "needs 'kind'"),
+        ({**PRESS, "play_m": 0.0001}, "pieces without a kind"),
     ],
 )
 def test_a_fit_that_contradicts_itself_is_a_fault(fit, words):

@@ -151,7 +151,7 @@ def test_a_screw_waits_for_the_part_with_its_thread():
         ({"hole_depth_m": 0.015}, "20.0 mm is longer than the hole, 15.0 mm"),
         ({"torque_nm": 6.0}, "6 N m is more than 'driver' brings, 5 N m"),
         ({"torque_nm": 4.0, "other_tools": ["weak"]}, "4 N m is more than 'weak' brings, 1 N m"),
-        ({"tool": "ram"}, "'ram' is a press, which drives no screw"),
+        ({"tool": "ram"}, "'ram' is a press, which turns no screw"),
         ({"into": "lid"}, "is 'through' already"),
         ({"into": "bse"}, "unknown part or fixture 'bse'"),
     ],

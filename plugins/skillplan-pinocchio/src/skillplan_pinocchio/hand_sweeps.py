@@ -263,6 +263,11 @@ class HandSweeps:
         overlaps_m = {fit.into: fit.overlap_m for fit in fits if fit.overlap_m > 0}
         pieces = make_pieces(body, pose)
         yield Sweep(label, carried, pieces, by, spares, is_load=True, overlaps_m=overlaps_m)
+        for into, overlap_m in overlaps_m.items():
+            # The overlap is one of the sides: along the insertion it is none.
+            core = tuple(piece.narrowed(motion.visit.along, overlap_m) for piece in pieces)
+            others_m = {other: m for other, m in overlaps_m.items() if other != into}
+            yield Sweep(label, carried, core, by, spares, is_load=True, overlaps_m=others_m)
         if body.shank is not None:
             shank = make_shank_pieces(body, pose)
             passes: tuple[str, ...] = ()

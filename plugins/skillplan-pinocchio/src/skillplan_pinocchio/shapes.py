@@ -30,6 +30,10 @@ _TABLE_THICKNESS_M: Final = 1.0
 _STILL = coal.Transform3s()
 
 
+# Directions across a piece in which its width is measured, and its least share afterwards.
+_CALIPERS, _LEAST_SHARE = 24, 0.02
+
+
 @dataclass(frozen=True)
 class ConvexPiece:
     """A convex polyhedron in the world.
@@ -72,6 +76,29 @@ class ConvexPiece:
     def swept(self, by: Sequence[float]) -> ConvexPiece:
         """Return the exact swept volume along a straight line: the hull of both ends."""
         return ConvexPiece(np.concatenate([self.corners, self.corners + np.array(by)]))
+
+    def narrowed(self, along: Sequence[float], by_m: float) -> ConvexPiece:
+        """Return the piece with its sides at least so far inside, but not flat.
+
+        Parameters
+        ----------
+        along
+            Unit vector that its sides are parallel to.
+        by_m
+            Distance by which they are shifted [m], >= 0.
+        """
+        axis = np.array(along)
+        first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+        first /= np.linalg.norm(first)
+        turns = np.pi * np.arange(_CALIPERS) / _CALIPERS
+        across = np.outer(np.cos(turns), first) + np.outer(np.sin(turns), np.cross(axis, first))
+        centre = (self.corners.min(axis=0) + self.corners.max(axis=0)) / 2
+        away = self.corners - centre
+        reach_m = away @ across.T
+        least_m = float(np.minimum(reach_m.max(axis=0), -reach_m.min(axis=0)).min())
+        share = max(1 - by_m / least_m, _LEAST_SHARE) if least_m > 0 else 1.0
+        lengthwise = np.outer(away @ axis, axis)
+        return ConvexPiece(centre + lengthwise + share * (away - lengthwise))
 
     def seen_from(self, frame: Pose) -> ConvexPiece:
         """Transform the piece into the parent frame of a pose."""

@@ -124,6 +124,8 @@ def _write_messages(fits: Sequence[TightFit], effect: str) -> dict[str, str]:
 
 # Number of fits that a sentence names.
 _SHOWN = 4
+# Facts of fits of convex pieces that are assumed, not drawn.
+_ASSUMED = ("play_m", "outside_m")
 
 
 def describe_unchecked_fits(bodies: Iterable[Body], *, simulated: bool) -> tuple[str, ...]:
@@ -174,12 +176,11 @@ def describe_assumed_play(bodies: Iterable[Body]) -> tuple[str, ...]:
     )
     if not fits:
         return ()
-    play_m = max(
-        fit.play_m
-        for body in bodies
-        for fit in body.fits
-        if not fit.kind and fit.play_m > fit.drawn_m
-    )
+    assumed = [
+        fit for body in bodies for fit in body.fits if not fit.kind and fit.play_m > fit.drawn_m
+    ]
+    play_m, outside_m = (max(getattr(fit, key) for fit in assumed) for key in _ASSUMED)
+    excess = f"; pieces exceed walls by up to {outside_m * 1e3:.3g} mm" if outside_m else ""
     named = [
         f"{name} in {into} (drawn {drawn_m * 1e3:.3g} mm)" for drawn_m, name, into in fits[:_SHOWN]
     ]
@@ -187,7 +188,7 @@ def describe_assumed_play(bodies: Iterable[Body]) -> tuple[str, ...]:
     others = f" and {more} more" if more > 0 else ""
     return (
         f"fits with less than {play_m * 1e3:.3g} mm of clearance on each side: the parts go in "
-        f"with that much, and with chamfers: {', '.join(named)}{others}",
+        f"with that much, and with chamfers: {', '.join(named)}{others}{excess}",
     )
 
 

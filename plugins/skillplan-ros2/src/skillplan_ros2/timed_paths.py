@@ -111,8 +111,10 @@ class _Timing:
         assert not isinstance(paths.travel, Unfound)
         visit = paths.motion.visit
         try:
-            for path in (paths.travel.path, *paths.strokes.down):
-                points.move(*self._run(path, paths.motion.tool))
+            points.move(*self._run(paths.travel.path, paths.motion.tool))
+            down = zip(paths.strokes.down, paths.motion.least_times_s, strict=True)
+            for path, least_s in down:
+                points.move(*self._run(path, paths.motion.tool, least_s))
             points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}")
             for path in paths.strokes.up:
                 points.move(*self._run(path, paths.motion.tool_after))
@@ -121,8 +123,12 @@ class _Timing:
                 f"no run along the path of {name} keeps the limits: {error}"
             ) from None
 
-    def _run(self, path: JointPath, tool: Tool | None) -> tuple[Array, Array, Array]:
+    def _run(
+        self, path: JointPath, tool: Tool | None, least_s: float = 0.0
+    ) -> tuple[Array, Array, Array]:
         """Return times, positions and speeds at all changes of acceleration.
+
+        Slower by a constant factor if `least_s` is more than the time of the run [s].
 
         The acceleration is constant in between, so cubics through these points reproduce the run.
         """
@@ -134,4 +140,6 @@ class _Timing:
         if len(run.places) > 1:
             positions[-1] = path.nodes[-1]
         slopes, _ = path.derivatives(run.places)
-        return run.times_s, positions, np.asarray(slopes * run.rates_per_s[:, np.newaxis])
+        slower = max(1.0, least_s / run.duration_s) if run.duration_s > 0 else 1.0
+        speeds = np.asarray(slopes * run.rates_per_s[:, np.newaxis]) / slower
+        return run.times_s * slower, positions, speeds

@@ -16,8 +16,10 @@ from skillplan_simulation.kinematics import ArmKinematics, points_down
 
 Vector = NDArray[np.float64]
 
-# Peak speed and acceleration of the minimum-jerk profile, relative to mean speed and duration.
-_PEAK_SPEED = 1.875
+PEAK_SPEED = 1.875
+"""Peak speed of the minimum-jerk profile, relative to the mean speed."""
+
+# Its peak acceleration, relative to length and duration.
 _PEAK_ACCELERATION = 10 / math.sqrt(3)
 
 
@@ -161,7 +163,7 @@ class StraightMotion:
         """
         distance_m = length(end - start.position)
         duration_s = max(
-            _PEAK_SPEED * distance_m / speed_m_per_s,
+            PEAK_SPEED * distance_m / speed_m_per_s,
             math.sqrt(_PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
             1e-3,
         )

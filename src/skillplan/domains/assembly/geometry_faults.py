@@ -74,6 +74,7 @@ def find_geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     yield from find_resting_issues(config)
     yield from find_buffer_issues(config)
     yield from find_zone_issues(config)
+    yield from _find_far_fits(config)
     holes = list(_find_hole_issues(config))
     yield from holes or find_shank_issues(config)
 
@@ -319,6 +320,31 @@ def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     return abs(rise_m(mouth)) <= TOUCH_M or _bears_rim(
         [rise_m(plus(plus(mouth, across, x_m), other, y_m)) for x_m, y_m in list_rim(screw)]
     )
+
+
+# Gap of two parts beyond their clearance at which a fit acts on nothing [m].
+_FAR_FIT_M = 5e-4
+
+
+def _find_far_fits(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield fits in parts and screws that are elsewhere at the end."""
+    layout = get_layout(config)
+    for name, part in config.parts.items():
+        own = layout.goal(name).box if part.fits else None
+        for other, fit in (part.fits or {}).items():
+            if own is None or fit.kind is None or other not in config.parts:
+                continue
+            box = layout.goal(other).box
+            gaps_m = [
+                max(low - top, bottom - high)
+                for low, high, bottom, top in zip(own.low, own.high, box.low, box.high, strict=True)
+            ]
+            if max(gaps_m) > max(fit.drawn_m, 0.0) + _FAR_FIT_M:
+                message = (
+                    f"is {max(gaps_m) * 1e3:.1f} mm from {name!r} at its goal, so the fit acts on "
+                    "nothing. Name the part that it goes in, or leave it out."
+                )
+                yield Issue(message, ("parts", name, "fits", other))
 
 
 def _measure_distance_m(box: WorldBox, other: WorldBox) -> float:

@@ -118,8 +118,8 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
     for name, screw in config.screws.items():
         for driver in screw.tools:
             kind = choose_tool_kind(config, driver)
-            if kind in (ToolKind.SUCTION, *_WITH_BIT):
-                message = f"{driver!r} is a {kind}, which drives no screw. Name another."
+            if kind is not ToolKind.SCREWDRIVER:
+                message = f"{driver!r} is a {kind}, which turns no screw. Name a screwdriver."
                 yield Issue(message, ("screws", name, "tool"))
 
 
@@ -134,6 +134,7 @@ _OF_TYPES = {
     "bit_diameter_m": (ToolKind.SCREWDRIVER, "bit"),
     "torque_nm": (ToolKind.SCREWDRIVER, "bit"),
     "speed_rpm": (ToolKind.SCREWDRIVER, "bit"),
+    "force_n": (ToolKind.GRIPPER, "force"),
     "cup_diameter_m": (ToolKind.SUCTION, "cup"),
     "cups_m": (ToolKind.SUCTION, "cups"),
     "safety_factor": (ToolKind.SUCTION, "cup"),
@@ -149,6 +150,8 @@ _ENDS = {
 }
 # Tools whose ram or needle has the keys of a bit.
 _WITH_BIT = (ToolKind.PRESS, ToolKind.DISPENSER)
+# Tools other than grippers with a force.
+_WITH_FORCE = (ToolKind.SUCTION, ToolKind.PRESS)
 # Keys that the box about a tool replaces.
 _IN_ENVELOPE = {
     "cup_diameter_m": "the cup is part of the envelope.",
@@ -167,6 +170,7 @@ def find_tool_issues(tool: ToolConfig, kind: ToolKind, hand: Hand) -> Iterator[I
     """
     for key, (owner, what) in _OF_TYPES.items():
         owners = (owner, *_WITH_BIT) if key.startswith("bit") else (owner,)
+        owners = (*owners, *_WITH_FORCE) if key == "force_n" else owners
         if getattr(tool, key) is not None and kind not in owners:
             words = f"a tool of type {kind} has no {what}. Leave it out, or give type: {owner}."
             yield Issue(words, (key,))

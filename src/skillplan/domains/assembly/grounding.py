@@ -547,8 +547,9 @@ class _Grounding:
             Pose(last),
             Event.WORK,
             name,
-            dwell_s=work.takes_s,
+            dwell_s=0.0 if path else work.dwell_s,
             path=tuple(path),
+            path_speed_m_per_s=work.speed_m_per_s if path else None,
             press_n=work.force_n or 0.0,
         )
         return self._build_skill(
@@ -765,6 +766,7 @@ def _build_fit(into: str, fit: FitConfig) -> Fit:
         fit.force_n,
         fit.lead_in_m,
         fit.kind is not None and fit.stop == "part",
+        fit.outside_m,
     )
 
 

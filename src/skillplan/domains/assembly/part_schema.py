@@ -217,10 +217,12 @@ class FitConfig(Strict):
         None,
         exclude_if=is_absent,
         description="clearance that the pieces leave, on each side, without their excess [m]; "
-        "needed without 'kind'; left out: as drawn",
+        "needed without 'kind', which excludes it; left out: as drawn",
     )
     outside_m: Annotated[float, Field(ge=0, le=0.1)] = Field(
-        0.0, description="greatest excess of the pieces of both over the walls of their holes [m]"
+        0.0,
+        description="greatest excess of the pieces of both over the walls of their holes [m], "
+        "without 'kind' only; outputs state it",
     )
     force_n: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
         None,
@@ -256,6 +258,10 @@ class FitConfig(Strict):
             if self.play_m is None:
                 raise Located("give 'kind', or 'play_m' that convex pieces leave.")
             return self
+        for key in ("play_m", "outside_m"):
+            if key in self.model_fields_set:
+                words = "is of convex pieces without a kind, and 'kind' has 'drawn_m'."
+                raise Located(f"{words} Leave it out.", key)
         if self.kind in _TIGHT:
             if self.drawn_m >= 0:
                 message = f"must be below 0, as {_ADVICE[self.kind]}."

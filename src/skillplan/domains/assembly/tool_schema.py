@@ -370,12 +370,6 @@ class WorkConfig(Strict):
         """Corners of the path, or the one place, x y [m]."""
         return [(x, y) for x, y in self.path_m or [self.at_m or [0.0, 0.0]]]
 
-    @property
-    def takes_s(self) -> float:
-        """Time at the target [s]."""
-        length_m = sum(math.dist(begin, end) for begin, end in pairwise(self.corners))
-        return self.dwell_s if self.path_m is None else length_m / self.speed_m_per_s
-
 
 def _outline_fingers(boxes: Sequence[Box]) -> JawProfile:
     """Return the outline of a finger about the boxes of its pieces, from its end upwards."""

@@ -167,7 +167,7 @@ def compute_time_difference(
         if not done_skill.verdict.is_feasible:
             break
         visits = () if skill.motion is None else skill.motion.visits(state)
-        dwells_s += sum(visit.dwell_s for visit in visits)
+        dwells_s += sum(visit.acts_s for visit in visits)
         state = skill.prediction_in(state).apply(state)
         done.append(done_skill)
     if not done:

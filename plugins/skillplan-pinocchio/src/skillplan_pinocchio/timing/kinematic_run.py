@@ -125,8 +125,9 @@ class KinematicRun:
             opens_m = wide_m if motion.motion.visit.event is Event.GRASP else self._opening_m
             self._along(motion.travel.path, opens_m, motion.motion.tool)
             self._phase = f"the approach to {subject}"
-            for path in motion.strokes.down:
-                self._along(path, self._opening_m, motion.motion.tool)
+            down = zip(motion.strokes.down, motion.motion.least_times_s, strict=True)
+            for path, least_s in down:
+                self._along(path, self._opening_m, motion.motion.tool, least_s)
             self._phase = f"the {motion.motion.visit.event.value} of {subject}"
             self._act(motion, paths.motions[number + 1 :], goals)
             self._phase = f"the retreat from {subject}"
@@ -194,17 +195,26 @@ class KinematicRun:
         grasp = choose_visit_grasp(self.task.scene.body(visit.subject), visit)
         return choose_opening_m(grasp, self.clearance_m, paths.motion.tool, self.robot.hand)
 
-    def _along(self, path: JointPath, opening_m: float, tool: Tool | None) -> None:
-        """Follow a path from rest to rest with a tool while the jaws open."""
+    def _along(
+        self, path: JointPath, opening_m: float, tool: Tool | None, least_s: float = 0.0
+    ) -> None:
+        """Follow a path from rest to rest with a tool while the jaws open.
+
+        Parameters
+        ----------
+        least_s
+            Least time of it [s], >= 0.
+        """
         zones = None if self.slow_zones is None else self.slow_zones.with_tool(tool)
         try:
             run = find_fastest_trajectory(path, self.limits, zones)
         except ArithmeticError as error:
             words = f"no run along the path of {self._skill} keeps the limits: {error}"
             raise ValueError(words) from None
-        begin_s, whole_s, first_m = self._now_s, run.duration_s, self._opening_m
+        whole_s = max(run.duration_s, least_s)
+        begin_s, first_m = self._now_s, self._opening_m
         for share in self._frames(whole_s):
-            self._joints = run.at(min(share * whole_s, whole_s))[0]
+            self._joints = run.at(min(share * run.duration_s, run.duration_s))[0]
             self._opening_m = first_m + share * (opening_m - first_m)
             self._frame()
         self._joints, self._opening_m = np.asarray(path.nodes[-1]), opening_m

@@ -54,10 +54,10 @@ class SkillTimes:
             before, after = motion.motion.tool, motion.motion.tool_after
             total_s += self._path_s(self.transfer(here, strokes.begin), before)
             doubled = strokes.mirrored and self._beyond_m(before) == self._beyond_m(after)
-            ways = [(path, before) for path in strokes.down]
+            down_s = zip(strokes.down, motion.motion.least_times_s, strict=True)
+            stretches_s = sum(max(self._path_s(path, before), least_s) for path, least_s in down_s)
             if not doubled:
-                ways += [(path, after) for path in strokes.up]
-            stretches_s = sum(self._path_s(path, tool) for path, tool in ways)
+                stretches_s += sum(self._path_s(path, after) for path in strokes.up)
             if doubled:
                 # The way back has the same speeds and opposite accelerations.
                 stretches_s *= 2
@@ -203,8 +203,9 @@ class LeastTimes:
                 begins = strokes.begin
             else:
                 rest_s += self._between(here, strokes.begin)
-            for path in (*strokes.down, *strokes.up):
-                rest_s += self._between(path.nodes[0], path.nodes[-1])
+            least_times_s = (*motion.motion.least_times_s, *(0.0 for _ in strokes.up))
+            for path, least_s in zip((*strokes.down, *strokes.up), least_times_s, strict=True):
+                rest_s += max(self._between(path.nodes[0], path.nodes[-1]), least_s)
             rest_s += motion.motion.visit.dwell_s
             here = strokes.end
         return None if begins is None else _Course(begins, rest_s)

@@ -19,7 +19,7 @@ from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, Guides
 from skillplan_simulation.execution.controlled_robot import ControlledRobot
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import Vector, convert_quaternion, make_pose
-from skillplan_simulation.motions import ArmMotion, PathSection, PosturePath
+from skillplan_simulation.motions import PEAK_SPEED, ArmMotion, PathSection, PosturePath
 from skillplan_simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, TABLE, Arm, World
 
 # Distance from contact at which the search for a hole starts [m].
@@ -167,6 +167,8 @@ _CUP_GAP_M = 0.0015
 _FETCH_GAP_M = 0.001
 # Speed of a part that guides lead to its seat, and distance before them at which it slows down.
 _INSERTION_M_PER_S, _BEFORE_MOUTH_M = 0.02, 0.002
+# Mean speed along a path of a tool below which the rest of its time is spent at its end.
+_LEAST_M_PER_S = 0.005
 _GRIP_S = 0.35
 _LET_GO_S = 0.35
 _SUCTION_S = 0.05
@@ -302,9 +304,11 @@ class SkillRunner(ControlledRobot):
             # An earlier part may have left them narrower or wider.
             self.wait(self._jaws_take_s(motion))
         self.log.phase(f"the approach to {subject}")
+        least_times_s = motion.least_times_s
         stretches = list(zip(pairwise(motion.approach), planned.down, strict=True))
-        for (_, point), path in stretches[:-1]:
-            self.move(point, path)
+        path_steps = 0
+        for (line, path), least_s in zip(stretches[:-1], least_times_s, strict=False):
+            path_steps += self._move_slowly(line, line[1], path, least_s)
         (begin, _), path = stretches[-1]
         if len(stretches) > 1 and event is Event.RELEASE:
             self.log.phase(f"the insertion of {subject}")
@@ -312,15 +316,15 @@ class SkillRunner(ControlledRobot):
         end = plus(motion.tip, self._stops_along(motion), -self._stops_m(motion))
         guides = self._guides.get(subject) if event is Event.RELEASE else None
         if guides is None or (self.log.inserted is not None and not guides.led):
-            self.move(end, path)
+            path_steps += self._move_slowly(stretches[-1][0], end, path, least_times_s[-1])
         else:
             self._slide_in(guides, begin, end, path)
         self.sensed["tip_error_m"] = self.arm.tip_error_m()
         self.log.inserted = self.log.guides = None
-        begin_steps = self.world.steps
+        begin_steps = self.world.steps - path_steps
         self._act(motion)
         acted = self.world.steps - begin_steps
-        left = max(0, round(motion.visit.dwell_s / STEP_S) - acted)
+        left = max(0, round(motion.visit.acts_s / STEP_S) - acted)
         # Whole frames keep the trace aligned with the log.
         left = STEPS_PER_FRAME * round(left / STEPS_PER_FRAME)
         self.acting_steps += acted + left
@@ -330,6 +334,19 @@ class SkillRunner(ControlledRobot):
             self.move(point, path)
         if event in (Event.RELEASE, Event.DRIVE):
             self.world.join(subject, self.tools.robot_parts)
+
+    def _move_slowly(
+        self, line: tuple[Point, Point], end: Point, path: PosturePath, least_s: float
+    ) -> int:
+        """Move to the end of a line; return the steps, or 0 if it has no least time [s]."""
+        if not least_s:
+            self.move(end, path)
+            return 0
+        begin_steps = self.world.steps
+        mean_m_per_s = max(math.dist(*line) / least_s, _LEAST_M_PER_S)
+        most_m_per_s = min(PEAK_SPEED * mean_m_per_s, self.settings.speed_m_per_s)
+        self.move(end, path, most_m_per_s)
+        return self.world.steps - begin_steps
 
     def _slide_in(self, guides: Guides, begin: Point, end: Point, path: PosturePath) -> None:
         """Move the held part to the mouth of its guides, and slowly on to its seat."""

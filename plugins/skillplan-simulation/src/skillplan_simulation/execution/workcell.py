@@ -54,7 +54,7 @@ class Fastenings:
             if skill.motion is not None
             for route in skill.motion.routes
             for visit in route.visits
-            if visit.event is Event.RELEASE
+            if visit.is_fitted
             for fact in skill.prediction.add
         }
         self._fits: dict[tuple[str, str], tuple[str, ...]] = {}
@@ -196,7 +196,8 @@ class GuideSearch:
             if visit.event is not Event.RELEASE:
                 continue
             lengths_m = {}
-            fits = {fit.into: fit for fit in self._bodies[visit.subject].fits if fit.kind}
+            given = self._bodies[visit.subject].fits if visit.is_fitted else ()
+            fits = {fit.into: fit for fit in given if fit.kind}
             for other in self._bodies.values():
                 placement = other.placement(state)
                 is_there = placement is not None and placement.solid and placement.frame == WORLD
