@@ -314,12 +314,13 @@ def test_the_task_is_of_the_arm_that_was_asked_for(eight, written):
 def test_the_arm_is_the_default_one_or_the_weakest_that_carries_and_reaches_most(eight):
     parts = eight[0].parts
     wide = part_of("plate", box(0, 0, 0, 600, 400, 5))
+    high = part_of("mast", box(0, 0, 0, 20, 20, 850))
     heavy = {kg: weigh(parts[0], kg) for kg in (3.2, 9.1, 99.0)}
     arms = [
         choose_arm((*parts, *more), (0.0, 0.0, 1.0))
-        for more in ((), (wide,), (heavy[3.2],), (heavy[9.1],), (heavy[99.0],))
+        for more in ((), (wide,), (high,), (heavy[3.2],), (heavy[9.1],), (heavy[99.0],))
     ]
-    assert arms == ["panda", "ur10e", "gen3_7dof", "crx10ia", "panda"]
+    assert arms == ["panda", "ur10e", "crx10ia", "gen3_7dof", "crx10ia", "panda"]
 
 
 def weigh(part, mass_kg):

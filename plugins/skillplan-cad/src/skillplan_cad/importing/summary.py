@@ -177,7 +177,7 @@ def list_advice(document: Mapping[str, Any], relation: Relation, folder: str) ->
         option = shlex.quote(f"{heavy[0]}=aluminium")
         lines.append(
             f"material  assumed for what is too heavy, {', '.join(heavy[:_SHOWN])}{more}: state it "
-            f"by --material {option}"
+            f"by --material {option}, or abs, wood and others"
         )
     lines.append(f"details   {folder}/report.json, and to look at: {folder}/import.html")
     return lines

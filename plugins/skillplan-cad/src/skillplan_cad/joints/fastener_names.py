@@ -9,6 +9,7 @@ import re
 import unicodedata
 from functools import cache
 
+from skillplan_cad.reading.names import says_nothing
 from skillplan_cad.relation import PartKind
 
 # Standards of each kind: DIN, ISO, GB.
@@ -110,12 +111,6 @@ _LONG = re.compile(
     r"(?<![a-z])(rods?|shafts?|axles?|spindles?|pipes?|tubes?|levers?|handles?|[a-z]*stangen?|"
     r"[a-z]*wellen?|achsen?|rohre?|hebel|tiges?|arbres?|ejes?|varillas?|вал|轴|軸)(?![a-z])"
 )
-_NOTHING = re.compile(
-    r"(solid|body|part|component|compound|product|document|shape|mesh|object|shell|volume|"
-    r"korper|bauteil|corps|cuerpo|unnamed|untitled|none|default|step|stl|open cascade step "
-    r"translator[ \d.]*|零件|实体)?[ #\d.:()]*"
-)  # fmt: skip
-
 
 def recognise_kind(name: str, design: str) -> PartKind | None:
     """Return the kind that a part's own name or its design's name implies, or None.
@@ -127,7 +122,7 @@ def recognise_kind(name: str, design: str) -> PartKind | None:
         above.
     """
     levels = name.split("/")
-    own = next((level for level in reversed(levels) if not _is_empty(level)), levels[-1])
+    own = next((level for level in reversed(levels) if not says_nothing(level)), levels[-1])
     for text in (own, design):
         kind = _recognise_text(text)
         if kind is not None:
@@ -148,10 +143,6 @@ def is_gear_name(name: str, design: str) -> bool:
 def is_rod_name(name: str, design: str) -> bool:
     """Return whether a part is named like a rod, shaft or lever, not after an assembly above it."""
     return any(_LONG.search(_normalise(text)) for text in (name.split("/")[-1], design))
-
-
-def _is_empty(level: str) -> bool:
-    return _NOTHING.fullmatch(_normalise(level)) is not None
 
 
 @cache

@@ -17,7 +17,8 @@ _LABEL = re.compile(
 # Names that any part could have, with the numbers that CAD adds.
 _GENERIC = re.compile(
     r"((manifold[ _]*)?solid([ _]*(body|brep))?|bod(y|ies)|compound|shell|brep|parts?|component|"
-    r"document|shape|object|mesh|unnamed|untitled|default|(volumen|fest)?körper|bauteil|teil|"
+    r"product|document|shape|object|mesh|volume|step|stl|unnamed|untitled|none|default|"
+    r"(volumen|fest)?körper|bauteil|teil|"
     r"pièce|piece|corps|sólido|solido|cuerpo|corpo|pieza|実体|部品|实体|零件|open cascade.*)"
     r"[ _.:#<>()\[\]\d-]*",
     re.IGNORECASE,

@@ -49,6 +49,9 @@ _FRAME_SHARE = 0.15
 LONG_ARM = "ur10e"
 """Arm to try if a place is out of reach."""
 
+# Shares of a part's mass at which a grasp is tried that its weight spoils; wood has 1/16 of steel.
+_LIGHTER = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
+
 _SIDES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
 
 
@@ -217,8 +220,17 @@ class PartHolds:
                 f"is {wide_mm:.0f} mm wide, has no opposite faces that jaws of "
                 f"{self._hand.opening_m * 1e3:.0f} mm hold, and no level face wide enough for a cup"
             )
+            lighter_kg = self._find_bearable_mass(self._get_part(name))
+            if lighter_kg is not None:
+                words = (
+                    f"weighs {self._get_part(name).mass_kg:.3g} kg, more than jaws of "
+                    f"{self._hand.force_n:g} N and the cups that its level faces have room for bear"
+                )
             if self._fix(name, words):
                 return {}
+            if lighter_kg is not None:
+                words += f"; at {lighter_kg:.3g} kg it could be held: is it of another material?"
+                return {name: LeftOut(name, "too heavy", words)}
             remedy = "--as-one with a part that can be held, or --leave-out"
             return {name: LeftOut(name, "no grasp", f"{words}; {remedy}")}
         words = f"cannot be brought, whatever tool holds it: {failure.text}"
@@ -230,6 +242,14 @@ class PartHolds:
             remedy = "" if self._robot == LONG_ARM else f"; --robot {LONG_ARM} reaches farther"
             return {name: LeftOut(name, "unreachable", f"{words}{remedy}")}
         return {name: LeftOut(name, "no grasp", words)}
+
+    def _find_bearable_mass(self, part: Part) -> float | None:
+        """Return the half, quarter, ... of a part's mass that a tool bears [kg], or None."""
+        for share in _LIGHTER:
+            lighter = replace(part, density_kg_m3=share * part.density_kg_m3)
+            if next(self._list_holds(lighter), None) is not None:
+                return lighter.mass_kg
+        return None
 
     def _fix(self, name: str, words: str) -> bool:
         """Put the base, or a heavy part on it, in place from the start; False for other parts."""

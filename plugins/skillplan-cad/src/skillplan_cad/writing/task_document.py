@@ -242,13 +242,19 @@ def build_robot_entry(
     carried
         The parts that the arm carries.
     """
-    height = max(float(upright.vertices(part)[:, 2].max()) for part in parts)
-    tallest = max((float(upright.size(part)[2]) for part in carried), default=0.0)
-    safe = max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
     nearest_m = _HOMES_M.get(robot, _HOME_M)
     home_m = round(max(nearest_m, _HOME * ARMS[robot][0].works_within_m), 2)
     named = {"name": robot, "model": robot, "home_m": [home_m, 0.0]}
-    return {**named, "safe_height_m": round(safe, 3)}
+    return {**named, "safe_height_m": round(compute_safe_height_m(parts, carried, upright), 3)}
+
+
+def compute_safe_height_m(
+    parts: Sequence[Part], carried: Sequence[Part], upright: Upright
+) -> float:
+    """Return the height at which an arm travels above the product and the parts it carries [m]."""
+    height = max(float(upright.vertices(part)[:, 2].max()) for part in parts)
+    tallest = max((float(upright.size(part)[2]) for part in carried), default=0.0)
+    return max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
 
 
 _HOLDER_OF: Mapping[str, Place] = dict(
