@@ -31,8 +31,10 @@ from .simulator import Touch as Touch
 from .static_friction import Pads as Pads
 from .static_friction import compute_utilisation as compute_utilisation
 from .verdicts import PairLimits as PairLimits
+from .verdicts import Tolerances as Tolerances
 from .verdicts import average_frames as average_frames
 from .verdicts import check_pairs as check_pairs
+from .verdicts import check_postcondition as check_postcondition
 
 __all__ = [
     "FINGERS",
@@ -58,12 +60,14 @@ __all__ = [
     "SkillRunner",
     "SupportTrials",
     "Surroundings",
+    "Tolerances",
     "ToolChanger",
     "Touch",
     "Vector",
     "Workcell",
     "average_frames",
     "check_pairs",
+    "check_postcondition",
     "compute_turn",
     "compute_utilisation",
     "convert_quaternion",

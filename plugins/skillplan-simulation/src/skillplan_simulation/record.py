@@ -63,6 +63,8 @@ class Record:
         Dwells at rest, as the number of the next frame and the duration [s].
     beside
         Pairs of ``pairs_n`` whose first contact was sideways to the motion of the handled part.
+    carried
+        Goals of a placed part on each body that it touches, as that body stands.
     """
 
     skill: str
@@ -84,6 +86,7 @@ class Record:
     begin_s: float = 0.0
     pauses: tuple[tuple[int, float], ...] = ()
     beside: frozenset[Pair] = frozenset()
+    carried: tuple[Pose, ...] = ()
 
     def time_s(self, frame: int) -> float:
         """Return the simulated time of a frame [s]."""

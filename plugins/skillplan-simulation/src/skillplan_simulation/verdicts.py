@@ -209,9 +209,13 @@ def _find_fault(skill: Skill, record: Record, visit: Visit, tolerances: Toleranc
             if measure_tilt_rad(final, expected) > tolerances.tilt_rad:
                 degrees = math.degrees(measure_tilt_rad(final, expected))
                 return f"{name} is turned by {degrees:.1f} degrees in the hand"
-        elif measure_offset_m(final, expected) > tolerances.position_m:
-            return f"{name} {_describe_offset(final, expected, 'its goal')}"
-        elif measure_tilt_rad(final, expected) > tolerances.tilt_rad:
+        elif not any(
+            measure_offset_m(final, goal) <= tolerances.position_m
+            and measure_tilt_rad(final, goal) <= tolerances.tilt_rad
+            for goal in (expected, *record.carried)
+        ):
+            if measure_offset_m(final, expected) > tolerances.position_m:
+                return f"{name} {_describe_offset(final, expected, 'its goal')}"
             degrees = math.degrees(measure_tilt_rad(final, expected))
             return f"{name} came to rest turned by {degrees:.1f} degrees from its goal"
     return None

@@ -112,6 +112,7 @@ _LONG = re.compile(
     r"[a-z]*wellen?|achsen?|rohre?|hebel|tiges?|arbres?|ejes?|varillas?|вал|轴|軸)(?![a-z])"
 )
 
+
 def recognise_kind(name: str, design: str) -> PartKind | None:
     """Return the kind that a part's own name or its design's name implies, or None.
 

@@ -401,19 +401,33 @@ class Workcell:
     ) -> Record:
         """Return the record of a skill that a robot has just executed in a larger world.
 
-        Bodies that it does not handle are expected where they were when the skill began: earlier
-        skills account for their error.
+        Bodies that it does not handle are expected where they were when the skill began, and a
+        placed part where it belongs on them: earlier skills account for their error.
         """
         motions = [motion.motion for motion in planned.motions]
         self._sense(runner, motions[-1], None)
         none = self.task.facts.none
         record = self._record(skill, state, motions, (none, none), runner)
-        expected = {
-            name: runner.log.stood.get(name, pose) for name, pose in record.expected.items()
+        visit, stood = motions[-1].visit, runner.log.stood
+        touching = {
+            name for pair in runner.log.last_pairs if visit.subject in pair for name in pair
         }
+        carried: tuple[Pose, ...] = ()
+        if visit.event is Event.RELEASE and visit.subject in record.expected:
+            goal = record.expected[visit.subject]
+            carried = tuple(
+                stood[name].then(record.expected[name].inverse()).then(goal)
+                for name in sorted(touching & stood.keys() & record.expected.keys())
+            )
+        expected = {name: stood.get(name, pose) for name, pose in record.expected.items()}
         pauses = tuple(runner.log.pauses)
         return replace(
-            record, expected=expected, begin_s=begin_s, pauses=pauses, travels=planned.travels
+            record,
+            expected=expected,
+            begin_s=begin_s,
+            pauses=pauses,
+            travels=planned.travels,
+            carried=carried,
         )
 
     def _record(
