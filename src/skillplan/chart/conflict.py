@@ -10,6 +10,7 @@ from itertools import pairwise
 from skillplan.chart.partial_order import cycle, find_orderable
 from skillplan.chart.precedence_query import Relation
 from skillplan.task.scene import Body, Box, Pose
+from skillplan.task.state import AND
 from skillplan.task.task import Task
 
 # Lower and upper end along x, y and z [m].
@@ -204,7 +205,7 @@ class _Reasons:
         goal = self.task.operations.get(body.name)
         for placement in body.placements:
             starts = placement.fact in self.task.initial
-            if starts if phase == "start" else placement.fact == goal:
+            if starts if phase == "start" else placement.fact.partition(AND)[0] == goal:
                 return [_extent(box, placement.pose) for box in body.boxes]
         return []
 

@@ -13,6 +13,7 @@ from .hulls import Hull as Hull
 from .hulls import HullDetector as HullDetector
 from .hulls import HullRole as HullRole
 from .hulls import HullScene as HullScene
+from .links import list_links as list_links
 from .precedence import PrecedenceDetector as PrecedenceDetector
 from .solid import TOUCH_M as TOUCH_M
 from .solid import Solid as Solid
@@ -37,6 +38,7 @@ __all__ = [
     "centroid",
     "contact_area",
     "decompose",
+    "list_links",
     "make_polyhedron",
     "measure_deepest",
     "measure_depths",

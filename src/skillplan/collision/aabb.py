@@ -453,11 +453,11 @@ class AabbDetector(Detector):
                         "during": hit.sweep.label,
                     },
                 )
-            absent |= fact
+            absent |= state.find_missing(hit.fact)
         for ground in swept.grounds:
             bearers = [contact for contact in ground.contacts if contact[0] in state]
             present |= facts.of(*(contact[0] for contact in bearers))
-            absent |= facts.of(*(c[0] for c in ground.contacts if c[0] not in state))
+            absent |= state.find_missing(*(contact[0] for contact in ground.contacts))
             if not ground.on_table and not _bears(ground, bearers):
                 names = sorted({body for _, body, _ in bearers})
                 reason = (

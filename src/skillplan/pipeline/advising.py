@@ -231,7 +231,7 @@ def _count_crowded(task: Task) -> int:
     for body in task.scene.bodies:
         for placement in body.placements:
             if placement.frame == WORLD and placement.solid:
-                kind = goals if placement.fact == f"placed({body.name})" else starts
+                kind = goals if placement.fact.startswith("placed(") else starts
                 ends = [body.reach_m(placement.pose, axis) for axis in _AXES]
                 kind.append((body.name, ends))
     stations = [

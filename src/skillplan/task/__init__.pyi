@@ -26,12 +26,14 @@ from .reward import Penalty as Penalty
 from .reward import RewardScheme as RewardScheme
 from .scene import WORLD as WORLD
 from .scene import Body as Body
+from .scene import Holder as Holder
 from .scene import Placement as Placement
 from .scene import Robot as Robot
 from .scene import Scene as Scene
 from .scene import Shank as Shank
 from .scene import Tool as Tool
 from .scene import ToolKind as ToolKind
+from .scene import Workholder as Workholder
 from .scene import Zone as Zone
 from .shape import Box as Box
 from .shape import Cylinder as Cylinder
@@ -74,6 +76,7 @@ __all__ = [
     "Facts",
     "Grasp",
     "GraspKind",
+    "Holder",
     "Literal",
     "Mesh",
     "Metric",
@@ -100,6 +103,7 @@ __all__ = [
     "VerdictStatus",
     "Visit",
     "WeightedCost",
+    "Workholder",
     "Zone",
     "compute_planar_distance",
     "cross",

@@ -95,6 +95,7 @@ class Event(StrEnum):
     DRIVE = "drive"
     FETCH = "fetch"
     WORK = "work"
+    TURN = "turn"
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,7 @@ class Visit:
         Pose of the target in the world: a body that is grasped or released, or the mouth of a hole
         or tool holder. The head of a screw is on its z side.
     subject
-        Body or tool that the action applies to.
+        Body or tool that the action applies to; of a turn, ``WORKHOLDER.ORIENTATION`` after it.
     grasp
         Grasp of the body; None for its preferred one.
     along

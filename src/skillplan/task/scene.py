@@ -15,7 +15,7 @@ from typing import Final
 from skillplan.robots.arm_description import ArmDescription, Hand, Transform
 from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
 from skillplan.task.motion import Grasp, GraspKind
-from skillplan.task.pose import Point, Pose, Quaternion, dot
+from skillplan.task.pose import Point, Pose, Quaternion, dot, plus, unit
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan.task.state import State
 from skillplan.task.zone import Zone
@@ -27,6 +27,7 @@ __all__ = [
     "Cylinder",
     "Grasp",
     "GraspKind",
+    "Holder",
     "Mesh",
     "Placement",
     "Pose",
@@ -37,10 +38,14 @@ __all__ = [
     "Shape",
     "Tool",
     "ToolKind",
+    "Workholder",
     "Zone",
 ]
 
 WORLD = "world"
+
+# Half angle below which a turn has no axis [rad].
+_NO_TURN_RAD = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +184,8 @@ class Body:
         True for a body that nothing moves, however it is pushed.
     shank
         Shank of a screw; its shapes are the head alone. None if it is not modelled.
+    joins
+        Bodies that a driven screw fixes to each other; empty for other bodies.
     """
 
     name: str
@@ -190,6 +197,7 @@ class Body:
     fits: tuple[Fit, ...] = ()
     fixed: bool = False
     shank: Shank | None = None
+    joins: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.shapes:
@@ -432,6 +440,98 @@ class Robot:
 
 
 @dataclass(frozen=True)
+class Workholder:
+    """A station that carries bodies and turns them about a fixed point.
+
+    Parameters
+    ----------
+    name
+        Unique among the workholders.
+    pivot
+        Fixed point of its turns in the world [m].
+    orientations
+        Motions that take bodies from the first orientation to each one, by the fact that holds
+        there.
+    carries
+        Bodies that turn with it once they are placed or fastened.
+    own
+        Bodies of the workholder itself, which are always on it.
+    """
+
+    name: str
+    pivot: Point
+    orientations: Mapping[str, Pose]
+    carries: tuple[str, ...] = ()
+    own: tuple[str, ...] = ()
+
+    def find_orientation(self, state: State) -> str:
+        """Return the fact of its orientation in `state`.
+
+        Raises
+        ------
+        ValueError
+            If the state gives none.
+        """
+        for fact in self.orientations:
+            if fact in state:
+                return fact
+        raise ValueError(f"The state gives no orientation of {self.name!r}: {state}.")
+
+    def turn(self, begin: str, end: str, share: float) -> Pose:
+        """Return the motion of bodies from an orientation over a share of the turn to another.
+
+        It rotates about the pivot along the shortest arc, and shifts along a straight line.
+
+        Parameters
+        ----------
+        begin, end
+            Facts of the two orientations.
+        share
+            Share of the angle and of the shift, in [0, 1].
+        """
+        first, last = self.orientations[begin], self.orientations[end]
+        x, y, z, w = last.then(first.inverse()).orientation
+        # Half of the angle is at most a quarter of a turn on the shortest arc.
+        sign = -1.0 if w < 0 else 1.0
+        half_rad = math.atan2(math.hypot(x, y, z), abs(w))
+        axis = (0.0, 0.0, 1.0) if half_rad < _NO_TURN_RAD else unit((sign * x, sign * y, sign * z))
+        sine = math.sin(share * half_rad)
+        about = Pose(
+            (0.0, 0.0, 0.0),
+            (axis[0] * sine, axis[1] * sine, axis[2] * sine, math.cos(share * half_rad)),
+        )
+        # Places of the pivot after both turns.
+        start, stop = first.apply(self.pivot), last.apply(self.pivot)
+        middle = plus(start, plus(stop, start, -1.0), share)
+        return Pose(plus(middle, about.rotate(start), -1.0), about.orientation)
+
+
+@dataclass(frozen=True)
+class Holder:
+    """A clamp, or a passive holder, that keeps a part where it is.
+
+    Parameters
+    ----------
+    name
+        Unique among the holders.
+    kind
+        ``clamp`` closes on a placed part; ``hold`` may be set before the part comes.
+    facts
+        Facts that it holds a part, by the name of the part.
+    workholder
+        Name of the workholder that it turns along with; None if it stands in the world.
+    force_n
+        Force of its jaws [N]; None if it is not stated.
+    """
+
+    name: str
+    kind: str
+    facts: Mapping[str, str]
+    workholder: str | None = None
+    force_n: float | None = None
+
+
+@dataclass(frozen=True)
 class Scene:
     """The geometry of a task."""
 
@@ -440,6 +540,8 @@ class Scene:
     stations: Mapping[str, Point] = field(default_factory=dict)
     frames: Mapping[str, Pose] = field(default_factory=dict)
     zones: tuple[Zone, ...] = ()
+    workholders: tuple[Workholder, ...] = ()
+    holders: tuple[Holder, ...] = ()
 
     def __repr__(self) -> str:
         bodies = ", ".join(body.name for body in self.bodies)
@@ -450,6 +552,8 @@ class Scene:
             ("bodies", self.bodies),
             ("robots", self.robots),
             ("zones", self.zones),
+            ("workholders", self.workholders),
+            ("holders", self.holders),
         ):
             names = [item.name for item in items]
             if len(set(names)) != len(names):
@@ -462,6 +566,20 @@ class Scene:
     def robot(self, name: str) -> Robot:
         """Return a robot by name."""
         return next(robot for robot in self.robots if robot.name == name)
+
+    def find_workholder(self, subject: str) -> Workholder:
+        """Return a workholder by name, or by ``WORKHOLDER.ORIENTATION``, a visit's subject."""
+        name = subject.partition(".")[0]
+        return next(holder for holder in self.workholders if holder.name == name)
+
+    def list_held(self, state: State) -> dict[str, Holder]:
+        """Return the holder of each part that is held in `state`; the first if it has several."""
+        held: dict[str, Holder] = {}
+        for holder in self.holders:
+            for part, fact in holder.facts.items():
+                if fact in state:
+                    held.setdefault(part, holder)
+        return held
 
     def at(self, state: State) -> dict[str, Pose]:
         """Return the pose of every body that the state determines."""

@@ -8,8 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Final
 
 from skillplan.errors import OptionError, name_hint
+
+AND: Final = " & "
+"""Separator of the facts of a conjunction, such as ``placed(cover) & turned(flip.down)``."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,7 @@ class Facts:
     names: tuple[str, ...]
     exclusive: tuple[tuple[str, ...], ...] = ()
     _bits: dict[str, int] = field(init=False, repr=False, compare=False)
+    _masks: dict[str, int] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         bits = {name: 1 << i for i, name in enumerate(self.names)}
@@ -46,7 +51,7 @@ class Facts:
         return len(self.names)
 
     def bit(self, name: str) -> int:
-        """Return the bit of one fact.
+        """Return the bit of one fact, or the bits of a conjunction ``A & B``.
 
         Raises
         ------
@@ -56,8 +61,21 @@ class Facts:
         try:
             return self._bits[name]
         except KeyError:
+            return self._mask(name)
+
+    def _mask(self, name: str) -> int:
+        """Return the bits of a conjunction; raises as `bit`."""
+        if name in self._masks:
+            return self._masks[name]
+        terms = name.split(AND)
+        if len(terms) == 1:
             hint = name_hint(name, self.names)
             raise OptionError(f"Unknown fact {name!r}. {hint}") from None
+        mask = 0
+        for term in terms:
+            mask |= self.bit(term)
+        self._masks[name] = mask
+        return mask
 
     def of(self, *names: str) -> State:
         """Return the state in which exactly the named facts hold."""
@@ -145,7 +163,8 @@ class State:
         )
 
     def __contains__(self, fact: str) -> bool:
-        return bool(self.bits & self.facts.bit(fact))
+        mask = self.facts.bit(fact)
+        return self.bits & mask == mask
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.facts.names_of(self.bits))
@@ -167,6 +186,14 @@ class State:
 
     def __sub__(self, other: State) -> State:
         return State(self.bits & ~other.bits, self.facts)
+
+    def find_missing(self, *facts: str) -> State:
+        """Return the facts that do not hold; of a conjunction, one of them."""
+        bits = 0
+        for fact in facts:
+            missing = self.facts.bit(fact) & ~self.bits
+            bits |= missing & -missing
+        return State(bits, self.facts)
 
     def complement(self) -> State:
         """Return the set of facts that do not hold."""

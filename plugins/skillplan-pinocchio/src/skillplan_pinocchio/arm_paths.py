@@ -268,11 +268,10 @@ class _Facts:
 
     def hold(self, fact: str) -> bool:
         """Return whether a fact holds; records it."""
-        bit = self.state.facts.of(fact)
         if fact in self.state:
-            self.present |= bit
+            self.present |= self.state.facts.of(fact)
             return True
-        self.absent |= bit
+        self.absent |= self.state.find_missing(fact)
         return False
 
 

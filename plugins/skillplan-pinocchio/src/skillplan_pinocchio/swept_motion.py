@@ -454,9 +454,11 @@ class VerdictInState:
         """Return whether a fact holds, recording it; None always holds."""
         if fact is None:
             return True
-        bit = self.state.facts.bit(fact)
-        if self.state.bits & bit:
-            self.present |= bit
+        mask = self.state.facts.bit(fact)
+        missing = mask & ~self.state.bits
+        if not missing:
+            self.present |= mask
             return True
-        self.absent |= bit
+        # Of a conjunction, one fact that does not hold is reason enough.
+        self.absent |= missing & -missing
         return False

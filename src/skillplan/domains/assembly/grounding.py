@@ -27,6 +27,7 @@ from skillplan.domains.assembly.insertion import (
     list_directions,
     list_pick_visits,
     list_place_visits,
+    turn_place_visit,
 )
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import FitConfig, PartConfig
@@ -36,8 +37,28 @@ from skillplan.domains.assembly.schema_types import find_dwell_s, list_given_kin
 from skillplan.domains.assembly.screw_holes import find_driving, find_shank, list_asides_m
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, FIXED, HAND_FREE, HOME, NO_TOOL
-from skillplan.domains.assembly.works import list_work_points
-from skillplan.task.cost import Cost, DistanceCost, WeightedCost, compute_planar_distance
+from skillplan.domains.assembly.workholding import (
+    Orientation,
+    build_holders,
+    build_workholders,
+    list_fixture_placements,
+    list_holds,
+    list_orientations,
+    list_ties,
+    name_holding,
+    name_turned,
+    turn_placements,
+    turn_pose,
+    turn_visit,
+)
+from skillplan.domains.assembly.works import find_work_orientation, list_work_points
+from skillplan.task.cost import (
+    ConstantCost,
+    Cost,
+    DistanceCost,
+    WeightedCost,
+    compute_planar_distance,
+)
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.pose import unit
 from skillplan.task.reward import Penalty, RewardScheme
@@ -146,6 +167,10 @@ class _Grounding:
                 HAND_FREE,
                 f"at({HOME})",
                 *([FIXED] if config.fixtures else []),
+                *(
+                    name_turned(name, next(iter(entry.orientations)))
+                    for name, entry in config.workholders.items()
+                ),
             ),
             goal=Condition(facts.of(*goal), facts.none),
             metric=make_metric(config.cost),
@@ -217,7 +242,10 @@ class _Grounding:
             for option in vocabulary.list_place_options(config, part):
                 if option.done == part:
                     where = choose_variant(config, part, option.label)
-                    positions[option.place] = get_layout(where).goal(part).pose.position
+                    pose = get_layout(where).goal(part).pose
+                    for turn in list_orientations(config, part):
+                        at = turn_pose(pose, turn.motion).position
+                        positions[f"{option.place}{turn.label}"] = at
         for part, buffers in vocabulary.list_buffered(config).items():
             start = layout.start(part).pose.position
             there: dict[str | None, Point] = {None: start}
@@ -229,15 +257,22 @@ class _Grounding:
         for name, tool in config.tools.items():
             positions[f"{name}.holder"] = tool.holder
         for name, screw in config.screws.items():
-            positions[name] = layout.hole(screw)
+            for turn in list_orientations(config, name):
+                mouth = turn_pose(Pose(layout.hole(screw)), turn.motion).position
+                positions[f"{name}{turn.label}"] = mouth
         for name in config.works:
             positions[name] = list_work_points(config, name)[-1]
         for part in vocabulary.list_missed_parts(config):
             positions[f"{part}.missed"] = config.robot.look
+        for name, workholder in config.workholders.items():
+            if workholder.stand_m is not None:
+                x_m, y_m = workholder.stand_m
+                stand = (x_m, y_m, config.robot.safe_height_m)
+                positions[vocabulary.name_turn_stand(config, name)] = stand
         return positions
 
     def _list_skills(self) -> Iterator[Skill]:
-        """Yield all skills: picks and places, tool changes, fastenings."""
+        """Yield all skills: picks and places, tool changes, fastenings, turns, and holds."""
         buffered = vocabulary.list_buffered(self.config)
         for name, part in self.config.moved_parts.items():
             if name in buffered:
@@ -247,8 +282,8 @@ class _Grounding:
             for label, tool in vocabulary.list_tool_labels(part):
                 yield self._build_pick(name, label, tool)
                 for option in options:
-                    is_only = len(options) == 1
-                    yield self._build_place(name, option, label, tool, is_only=is_only)
+                    for turn in list_orientations(self.config, name):
+                        yield self._build_place(name, option, turn, label, tool)
         for tool in self.config.tools:
             if self.config.tool_change.style == "separate":
                 yield self._build_offload(tool)
@@ -256,10 +291,16 @@ class _Grounding:
             else:
                 yield self._build_swap(tool)
         for name, screw in self.config.screws.items():
-            for label, tool in vocabulary.list_tool_labels(screw):
-                yield self._build_fasten(name, label, tool)
+            for turn in list_orientations(self.config, name):
+                for label, tool in vocabulary.list_tool_labels(screw):
+                    yield self._build_fasten(name, turn, label, tool)
         for name in self.config.works:
             yield self._build_work(name)
+        for name, workholder in self.config.workholders.items():
+            for orientation in workholder.orientations:
+                yield self._build_turn(name, orientation)
+        for holder, held, label in list_holds(self.config):
+            yield from self._build_holds(holder, held, label)
 
     def _build_skill(
         self,
@@ -320,18 +361,13 @@ class _Grounding:
             slow=self.slow,
         )
         name = f"{kind}({subject})"
-        cost: Cost = duration_s if config.cost == "time" else distance_m
-        if isinstance(config.cost, CostConfig):
-            weights = config.cost
-            fixed = compute_fixed_cost(weights, kind, name, parameters)
-            cost = WeightedCost(distance_m, weights.per_m, duration_s, weights.per_s, fixed)
         return Skill(
             name=name,
             kind=kind,
             agents=(robot,),
             precondition=Condition(facts.of(*requires), facts.of(*forbids)),
             outcomes=tuple(outcomes),
-            cost=cost,
+            cost=self._choose_cost(kind, name, parameters, distance_m, duration_s),
             duration_s=duration_s,
             motion=motion,
             parameters=parameters,
@@ -340,6 +376,21 @@ class _Grounding:
                 for label, visits in ways
             ),
         )
+
+    def _choose_cost(
+        self,
+        kind: str,
+        name: str,
+        parameters: Mapping[str, str],
+        distance_m: Cost,
+        duration_s: Cost,
+    ) -> Cost:
+        """Return the cost of a skill in the task's metric."""
+        weights = self.config.cost
+        if isinstance(weights, CostConfig):
+            fixed = compute_fixed_cost(weights, kind, name, parameters)
+            return WeightedCost(distance_m, weights.per_m, duration_s, weights.per_s, fixed)
+        return duration_s if weights == "time" else distance_m
 
     def _list_routes(
         self, visits: Visit | tuple[Visit, ...] | Mapping[str | None, Visit]
@@ -403,27 +454,36 @@ class _Grounding:
                 carries=name,
             )
             yield self._select_by(put, given)
-        placed = [visit for _, visit in list_place_visits(config, name)]
-        by_way = [
-            dict(zip(holds, placed[number :: len(placed) // len(holds)], strict=True))
-            for number in range(len(placed) // len(holds))
-        ]
-        labels = [
-            f"along {name_direction(direction)}" for direction in list_directions(config, name)
-        ]
-        place = self._build_skill(
-            "place",
-            name,
-            requires=[f"held({name})", has_tool, *self._list_works_before(name)],
-            add=[f"placed({name})", HAND_FREE],
-            delete=[f"held({name})", *given],
-            ends_at=f"{name}.goal",
-            routes={hold: [visit] for hold, visit in by_way[0].items()},
-            ways=list(zip(labels, by_way, strict=True)) if len(by_way) > 1 else (),
-            parameters={"part": name, "tool": part.tool},
-            carries=name,
-        )
-        yield self._select_by(place, given)
+        for turn in list_orientations(config, name):
+            placed = [
+                turn_place_visit(config, visit, turn.motion)
+                for _, visit in list_place_visits(config, name)
+            ]
+            by_way = [
+                dict(zip(holds, placed[number :: len(placed) // len(holds)], strict=True))
+                for number in range(len(placed) // len(holds))
+            ]
+            labels = [
+                f"along {name_direction(direction)}" for direction in list_directions(config, name)
+            ]
+            place = self._build_skill(
+                "place",
+                f"{name}{turn.label}",
+                requires=[
+                    f"held({name})",
+                    has_tool,
+                    *self._list_works_before(name),
+                    *_list_fact(turn),
+                ],
+                add=[f"placed({name})", HAND_FREE],
+                delete=[f"held({name})", *given],
+                ends_at=f"{name}.goal{turn.label}",
+                routes={hold: [visit] for hold, visit in by_way[0].items()},
+                ways=list(zip(labels, by_way, strict=True)) if len(by_way) > 1 else (),
+                parameters={"part": name, "tool": part.tool},
+                carries=name,
+            )
+            yield self._select_by(place, given)
 
     def _select_by(self, skill: Skill, holds: Sequence[str]) -> Skill:
         """Return a skill that is applicable only with one of several grasps, if there are some."""
@@ -453,21 +513,37 @@ class _Grounding:
         )
 
     def _build_place(
-        self, name: str, option: vocabulary.PlaceOption, label: str, tool: str, *, is_only: bool
+        self,
+        name: str,
+        option: vocabulary.PlaceOption,
+        turn: Orientation,
+        label: str,
+        tool: str,
     ) -> Skill:
         other = option.done if option.done != name else name
-        visits = self._list_visits(list_place_visits, name, other, f"{option.label}{label}", tool)
+        is_only = len(vocabulary.list_place_options(self.config, name)) == 1
+        visits = [
+            (words, turn_place_visit(self.config, visit, turn.motion))
+            for words, visit in self._list_visits(
+                list_place_visits, name, other, f"{option.label}{label}", tool
+            )
+        ]
         located = [] if is_only else [f"at_goal({name}{option.label})"]
         # The component that is completed comes first; the part that fills its place may be another.
         place = {} if other == name else {"place": other}
         return self._build_skill(
             "place",
-            f"{name}{option.label}{label}",
-            requires=[f"held({name})", f"tool({tool})", *self._list_works_before(name)],
+            f"{name}{option.label}{turn.label}{label}",
+            requires=[
+                f"held({name})",
+                f"tool({tool})",
+                *self._list_works_before(name),
+                *_list_fact(turn),
+            ],
             forbids=[] if is_only else [f"placed({option.done})"],
             add=[f"placed({option.done})", *located, HAND_FREE],
             delete=[f"held({name})"],
-            ends_at=option.place,
+            ends_at=f"{option.place}{turn.label}",
             routes={None: [visits[0][1]]},
             ways=visits if len(visits) > 1 else (),
             parameters={**place, "part": name, "tool": tool},
@@ -494,7 +570,7 @@ class _Grounding:
             ]
         return [(words, replace(visit, subject=name)) for words, visit in visits]
 
-    def _build_fasten(self, name: str, label: str, tool: str) -> Skill:
+    def _build_fasten(self, name: str, turn: Orientation, label: str, tool: str) -> Skill:
         config, screw = self.config, self.config.screws[name]
         owners = screw, config.tools[tool]
         chosen = choose_variant(config, name, tool=tool)
@@ -502,18 +578,18 @@ class _Grounding:
         hole = self.layout.hole_pose(screw)
         # The shank leaves its hole on the straight stretch.
         stretch_m = None if screw.length_m is None else max(screw.length_m, _LEAST_STRETCH_M)
+        drive = Visit(
+            hole,
+            Event.DRIVE,
+            name,
+            along=screw.direction,
+            insert_m=stretch_m,
+            dwell_s=driving.takes_s,
+            torque_nm=screw.torque_nm,
+        )
         drives = [
-            Visit(
-                hole,
-                Event.DRIVE,
-                name,
-                along=screw.direction,
-                insert_m=stretch_m,
-                dwell_s=driving.takes_s,
-                aside_m=aside_m,
-                torque_nm=screw.torque_nm,
-            )
-            for aside_m in list_asides_m(chosen, name)
+            replace(turn_visit(drive, turn.motion), aside_m=aside_m)
+            for aside_m in list_asides_m(chosen, name, turn.motion)
         ]
         fetch: tuple[Visit, ...] = ()
         if screw.feeder is not None:
@@ -523,17 +599,18 @@ class _Grounding:
         ways = [(_label_aside(drive), (*fetch, drive)) for drive in drives]
         return self._build_skill(
             "fasten",
-            f"{name}{label}",
+            f"{name}{turn.label}{label}",
             requires=[
                 HAND_FREE,
                 f"tool({tool})",
                 *self._list_threads(screw),
                 *self._list_works_before(name),
+                *_list_fact(turn),
             ],
             forbids=[f"fastened({name})"],
             add=[f"fastened({name})"],
             delete=[],
-            ends_at=name,
+            ends_at=f"{name}{turn.label}",
             routes={None: ways[0][1]},
             ways=ways if len(ways) > 1 else (),
             parameters={"screw": name, "tool": tool, "part": screw.through},
@@ -555,7 +632,12 @@ class _Grounding:
         return self._build_skill(
             action.partition("(")[0],
             name,
-            requires=[HAND_FREE, f"tool({work.tool})", f"placed({work.part})"],
+            requires=[
+                HAND_FREE,
+                f"tool({work.tool})",
+                f"placed({work.part})",
+                *_list_fact(find_work_orientation(config, name)),
+            ],
             forbids=[fact],
             add=[fact],
             delete=[],
@@ -563,6 +645,50 @@ class _Grounding:
             routes={None: [visit]},
             parameters={"work": name, "tool": work.tool, "part": work.part},
         )
+
+    def _build_turn(self, name: str, orientation: str) -> Skill:
+        config, entry = self.config, self.config.workholders[name]
+        subject, done = f"{name}.{orientation}", name_turned(name, orientation)
+        others = [name_turned(name, other) for other in entry.orientations if other != orientation]
+        place = vocabulary.name_turn_stand(config, name)
+        stand = Pose(self.positions[place])
+        visit = Visit(stand, Event.TURN, subject, dwell_s=entry.takes_s)
+        return self._build_skill(
+            "turn",
+            subject,
+            requires=[HAND_FREE],
+            forbids=[done, *list_ties(config, name)],
+            add=[done],
+            delete=others,
+            ends_at=place,
+            routes={other: [visit] for other in others},
+            parameters={"workholder": name, "orientation": orientation},
+        )
+
+    def _build_holds(self, holder: str, part: str, label: str) -> Iterator[Skill]:
+        """Yield the skills that close a holder on a part and open it, while the arm stands."""
+        facts, entry = self.facts, self.config.holders[holder]
+        holds = name_holding(holder, part)
+        all_holds = [name_holding(holder, other) for other in entry.parts]
+        first = list_orientations(self.config, part)[0]
+        in_first = [] if entry.turns else _list_fact(first)
+        needed = [f"placed({part})"] if entry.kind == "clamp" else []
+        for kind, requires, forbids, add, delete in (
+            (entry.kind, [*needed, *in_first], all_holds, [holds], [CHANGED_TOOL]),
+            ("release", [holds], [], [], [holds, CHANGED_TOOL]),
+        ):
+            name, parameters = f"{kind}({part}{label})", {"part": part, "holder": holder}
+            duration_s = ConstantCost(entry.takes_s)
+            yield Skill(
+                name=name,
+                kind=kind,
+                agents=(self.config.robot.name,),
+                precondition=Condition(facts.of(*requires), facts.of(*forbids)),
+                outcomes=(Outcome(1.0, facts.of(*add), facts.of(*delete)),),
+                cost=self._choose_cost(kind, name, parameters, ConstantCost(0.0), duration_s),
+                duration_s=duration_s,
+                parameters=parameters,
+            )
 
     def _list_works_before(self, name: str) -> list[str]:
         """Return the facts of the works that come before a part or screw."""
@@ -648,6 +774,11 @@ class _Grounding:
         )
 
 
+def _list_fact(orientation: Orientation) -> list[str]:
+    """Return the fact of an orientation, if a workholder has it."""
+    return [] if orientation.fact is None else [orientation.fact]
+
+
 def _make_tuple(visits: Visit | tuple[Visit, ...]) -> tuple[Visit, ...]:
     return visits if isinstance(visits, tuple) else (visits,)
 
@@ -677,7 +808,10 @@ def choose_step_limit(config: AssemblyConfig) -> int:
     # One visit to each buffer, with tool changes.
     visits = sum(map(len, vocabulary.list_buffered(config).values()))
     changes += 2 * visits if len(config.tools) > 1 else 0
-    most = sum(tries) + components + 2 * visits + changes * skills_per_change
+    # A turn before each part and screw, and two holds of each part with its releases.
+    turns = (components + 1) * len(config.workholders)
+    turns += 4 * sum(len(holder.parts) for holder in config.holders.values())
+    most = sum(tries) + components + 2 * visits + changes * skills_per_change + turns
     return min(most, MOST_STEPS)
 
 
@@ -727,13 +861,15 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
         },
         frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base, robot.base_orientation)},
         zones=tuple(zone.build(name) for name, zone in config.zones.items()),
+        workholders=build_workholders(config),
+        holders=build_holders(config),
     )
 
 
 def _build_part(config: AssemblyConfig, name: str) -> Body:
     part, layout = config.parts[name], get_layout(config)
     convex, shapes = part.convex_shapes, part.shapes
-    placed = _list_goal_placements(config, name)
+    placed = turn_placements(_list_goal_placements(config, name), list_orientations(config, name))
     return Body(
         name,
         convex,
@@ -790,6 +926,9 @@ def _list_pools(config: AssemblyConfig) -> tuple[Pool, ...]:
     It is not if the file names where a single part goes, leaves out some of the actions, or gives
     a single skill a cost of its own.
     """
+    if config.workholders or config.holders:
+        # Turns and holds name single parts.
+        return ()
     cost = config.cost
     weighed = [*cost.wear, *cost.energy_j] if isinstance(cost, CostConfig) else []
     if config.actions is not None or any("(" in name for name in weighed):
@@ -826,15 +965,24 @@ def _build_screw(config: AssemblyConfig, name: str) -> Body:
     height_m = screw.head_height_m
     head = Cylinder(screw.head_diameter_m, height_m, (0.0, 0.0, height_m / 2))
     driven = Placement(f"fastened({name})", get_layout(config).hole_pose(screw))
-    return Body(name, (head,), (driven,), screw.mass_kg, shank=find_shank(config, name))
+    return Body(
+        name,
+        (head,),
+        turn_placements((driven,), list_orientations(config, name)),
+        screw.mass_kg,
+        shank=find_shank(config, name),
+        joins=(screw.through, *screw.into_names),
+    )
 
 
 def _build_fixture(config: AssemblyConfig, name: str) -> Body:
     fixture = config.fixtures[name]
     convex, shapes = fixture.convex_shapes, fixture.shapes
-    place = Placement(FIXED, get_layout(config).fixture(name).pose)
+    pose = get_layout(config).fixture(name).pose
+    places = list_fixture_placements(config, name, pose) or (Placement(FIXED, pose),)
     surfaces = () if convex == shapes else shapes
-    return Body(name, convex, (place,), _FIXTURE_KG, (), surfaces, fixed=True)
+    stays = places[0].fact == FIXED
+    return Body(name, convex, places, _FIXTURE_KG, (), surfaces, fixed=stays)
 
 
 def _build_tool(config: AssemblyConfig, name: str) -> Tool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from skillplan.domains.assembly.gripping import list_grasps
 from skillplan.domains.assembly.holding import name_direction
@@ -10,9 +11,10 @@ from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import find_dwell_s, make_unit
+from skillplan.domains.assembly.workholding import turn_visit
 from skillplan.errors import Issue
 from skillplan.task.motion import AXES, Event, Grasp, Visit
-from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, unit
+from skillplan.task.pose import DOWN, Point, Pose, cross, dot, is_same_direction, unit
 
 # Overlap that still counts as touching: coordinates of a file are rounded [m].
 _TOUCH_M = 2e-4
@@ -98,6 +100,19 @@ def measure_insertion_m(config: AssemblyConfig, name: str, direction: Point) -> 
     given_m = config.parts[name].insert_m
     if given_m is not None or is_same_direction(direction, DOWN):
         return given_m
+    return _measure_clearing_m(config, name, direction)
+
+
+def turn_place_visit(config: AssemblyConfig, visit: Visit, motion: Pose | None) -> Visit:
+    """Return the visit of a place after a motion of the product from its first orientation."""
+    turned = turn_visit(visit, motion)
+    if turned.insert_m is not None or is_same_direction(turned.along, DOWN):
+        return turned
+    return replace(turned, insert_m=_measure_clearing_m(config, visit.subject, visit.along))
+
+
+def _measure_clearing_m(config: AssemblyConfig, name: str, direction: Point) -> float:
+    """Return the length of an insertion that clears all that a part goes into [m]."""
     lengths_m = [_LEAST_M]
     level = min(AXES.values(), key=lambda axis: abs(dot(axis, direction)))
     across = unit(cross(direction, level))

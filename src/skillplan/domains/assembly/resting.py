@@ -13,6 +13,12 @@ from skillplan.domains.assembly.layout import get_layout, get_table
 from skillplan.domains.assembly.part_meshes import build_origin_hint
 from skillplan.domains.assembly.part_schema import FitConfig, PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.workholding import (
+    find_workholder,
+    list_carried,
+    list_orientations,
+    turn_pose,
+)
 from skillplan.errors import Issue
 from skillplan.task.pose import Point
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
@@ -94,7 +100,7 @@ def find_resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
         for name in stage.solids:
             if name not in overlapping and name in config.parts:
                 hint = build_origin_hint(config, (name, *stage.named.get(name, ())))
-                for issue in _find_gaps(config.parts[name], name, stage):
+                for issue in _find_gaps_in_all(config, name, stage):
                     yield replace(issue, message=f"{issue.message}{hint}")
 
 
@@ -123,10 +129,12 @@ def find_buffer_issues(config: AssemblyConfig) -> Iterator[Issue]:
 def _collect_starts(config: AssemblyConfig) -> _Stage:
     layout = get_layout(config)
     lying = [name for name, part in config.parts.items() if part.feeder is None]
+    jaws = {name for holder in config.holders.values() for name in holder.fixtures or ()}
+    fixtures = [name for name in config.fixtures if name not in jaws]
     return _Stage(
         "start",
         "at the start",
-        {name: layout.start(name) for name in (*config.fixtures, *lying)},
+        {name: layout.start(name) for name in (*fixtures, *lying)},
         {name: [on] for name in lying if (on := config.parts[name].start_on) is not None},
     )
 
@@ -170,6 +178,12 @@ def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issu
         fit = _find_fit(config, first, second)
         stated_m = 0.0 if fit is None or stage.key == "start" else fit.overlap_m
         if depth_m > TOUCH_M + stated_m:
+            if stage.key == "goal" and any(
+                turned.solids[second].depth_m(turned.solids[first]) <= TOUCH_M + stated_m
+                for turned in _turn_stages(config, second, stage)
+            ):
+                # Back ends tell whether both are there in one orientation.
+                continue
             way_m = stage.solids[second].way_out_m(stage.solids[first])
             message = (
                 f"{second!r} and {first!r} overlap by {_show_mm(way_m)} {stage.when}"
@@ -186,7 +200,13 @@ def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issu
         if name in config.fixtures:
             continue
         depth_m = -solid.box.low[2]
-        if depth_m > TOUCH_M:
+        if depth_m > TOUCH_M and not (
+            stage.key == "goal"
+            and any(
+                turned.solids[name].box.low[2] >= -TOUCH_M
+                for turned in _turn_stages(config, name, stage)
+            )
+        ):
             message = f"{name!r} is {_show_mm(depth_m)} deep in the table {stage.when}. Raise it."
             yield Issue(message, ("parts", name, f"{stage.key}_m")), {name}
 
@@ -262,6 +282,40 @@ def _find_fit(config: AssemblyConfig, first: str, second: str) -> FitConfig | No
         if part is not None and other in (part.fits or {}):
             return (part.fits or {})[other]
     return None
+
+
+def _find_gaps_in_all(config: AssemblyConfig, name: str, stage: _Stage) -> list[Issue]:
+    """Return the gaps below a part; none if it rests in some orientation, or a holder waits."""
+    part = config.parts[name]
+    issues = list(_find_gaps(part, name, stage))
+    if not issues or stage.key == "start":
+        return issues
+    holders = config.holders.values()
+    if any(holder.kind == "hold" and name in holder.parts for holder in holders):
+        return []
+    for turned in _turn_stages(config, name, stage):
+        if not any(_find_gaps(part, name, turned)):
+            return []
+    return issues
+
+
+def _turn_stages(config: AssemblyConfig, name: str, stage: _Stage) -> Iterator[_Stage]:
+    """Yield the stage with the workholder of a part in its other orientations."""
+    workholder = find_workholder(config, name) if config.workholders else None
+    if workholder is None:
+        return
+    own = config.workholders[workholder].fixtures or ()
+    turning = {*list_carried(config, workholder), *own}
+    for orientation in list_orientations(config, name)[1:]:
+        yield replace(
+            stage,
+            solids={
+                body: replace(solid, pose=turn_pose(solid.pose, orientation.motion))
+                if body in turning
+                else solid
+                for body, solid in stage.solids.items()
+            },
+        )
 
 
 def _find_gaps(part: PartConfig, name: str, stage: _Stage) -> Iterator[Issue]:

@@ -22,6 +22,7 @@ from skillplan.domains.assembly.schema_types import (
 )
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.tool_schema import ToolConfig, WorkConfig
+from skillplan.domains.assembly.workholder_schema import HolderConfig, WorkholderConfig
 from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
@@ -260,6 +261,16 @@ class AssemblyConfig(Strict):
         {},
         exclude_if=is_empty,
         description="works of presses and dispensers on parts, by name; left out: none",
+    )
+    workholders: Annotated[dict[Name, WorkholderConfig], Field(max_length=8)] = Field(
+        {},
+        exclude_if=is_empty,
+        description="stations by name that carry the product and turn it; left out: none",
+    )
+    holders: Annotated[dict[Name, HolderConfig], Field(max_length=32)] = Field(
+        {},
+        exclude_if=is_empty,
+        description="clamps and passive holders by name, which keep parts in place; left out: none",
     )
     goal: Annotated[list[Fact], Field(min_length=1, max_length=4096)] | None = Field(
         None,

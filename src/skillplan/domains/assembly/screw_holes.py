@@ -16,6 +16,7 @@ from skillplan.domains.assembly.layout import get_layout, get_table
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import find_dwell_s
 from skillplan.domains.assembly.screw_schema import ScrewConfig
+from skillplan.domains.assembly.workholding import turn_pose
 from skillplan.errors import Issue
 from skillplan.task.pose import Point, Pose
 from skillplan.task.scene import Shank
@@ -115,17 +116,26 @@ def find_shank(config: AssemblyConfig, name: str) -> Shank | None:
     return replace(shank, stands_in=stands_in)
 
 
-def list_asides_m(config: AssemblyConfig, name: str) -> list[Point | None]:
+def list_asides_m(
+    config: AssemblyConfig, name: str, motion: Pose | None = None
+) -> list[Point | None]:
     """Return the displacements from below a screw to where the hand comes down beside its part.
 
     One for each side of the part, the robot's first; None alone for a screw that the hand reaches
     from above or from the side.
+
+    Parameters
+    ----------
+    motion
+        Motion of the product from its first orientation; None in it.
     """
     screw, layout = config.screws[name], get_layout(config)
-    if screw.direction[2] < _STEEP_UP:
+    along = screw.direction if motion is None else motion.rotate(screw.direction)
+    if along[2] < _STEEP_UP:
         return [None]
-    x_m, y_m, _ = layout.hole(screw)
-    box = layout.goal(screw.through).box
+    x_m, y_m, _ = turn_pose(Pose(layout.hole(screw)), motion).position
+    solid = layout.goal(screw.through)
+    box = Solid(solid.shapes, turn_pose(solid.pose, motion)).box
     asides: list[Point | None] = [
         (box.low[0] - x_m - _HAND_M, 0.0, 0.0),
         (box.high[0] - x_m + _HAND_M, 0.0, 0.0),

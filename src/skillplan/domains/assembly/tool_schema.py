@@ -355,6 +355,12 @@ class WorkConfig(Strict):
     gap_m: Annotated[float, Field(ge=0, le=0.1)] = Field(
         0.001, description="gap between the needle of a dispenser and the part [m]"
     )
+    orientation: Name | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="orientation of the part's workholder in which it is done, from above, at the "
+        "place that at_m or path_m gives in the first one; left out: the first",
+    )
     dwell_s: Annotated[float, Field(ge=0, le=1e6)] = Field(
         1.0, description="time of a press at its force, or of a dispenser at the place [s]"
     )

@@ -9,6 +9,12 @@ from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import make_unit
 from skillplan.domains.assembly.screw_schema import ScrewConfig
+from skillplan.domains.assembly.workholding import (
+    list_holds,
+    list_orientations,
+    name_holding,
+    name_turned,
+)
 from skillplan.task.state import Facts
 
 HAND_FREE = "hand_free"
@@ -114,13 +120,24 @@ def list_facts(config: AssemblyConfig) -> Facts:
     places = [HOME]
     options = {part: list_place_options(config, part) for part in config.moved_parts}
     for part, goals in options.items():
-        own = (option.place for option in goals if option.done == part)
+        own = (
+            f"{option.place}{orientation.label}"
+            for option in goals
+            if option.done == part
+            for orientation in list_orientations(config, part)
+        )
         places += [name_start(config, part), *own]
     for part in list_buffered(config):
         places += list_pick_places(config, part)
     places += [f"{tool}.holder" for tool in config.tools]
-    places += [*config.screws, *config.works]
+    places += [
+        f"{screw}{orientation.label}"
+        for screw in config.screws
+        for orientation in list_orientations(config, screw)
+    ]
+    places += config.works
     places += [f"{part}.missed" for part in list_missed_parts(config)]
+    places += [name_turn_stand(config, name) for name in config.workholders]
     parts = [
         f"{fact}({name})"
         for name, part in config.parts.items()
@@ -161,6 +178,15 @@ def list_facts(config: AssemblyConfig) -> Facts:
     whereabouts += [tuple(facts) for facts in filled.values() if len(facts) > 1]
     where = [fact for facts in located.values() for fact in facts]
     more = [fact for facts in (*buffered.values(), *holds.values()) for fact in facts]
+    turned = [
+        tuple(name_turned(name, orientation) for orientation in entry.orientations)
+        for name, entry in config.workholders.items()
+    ]
+    holding = [
+        tuple(name_holding(name, part) for part in holder.parts)
+        for name, holder in config.holders.items()
+    ]
+    more += [fact for group in (*turned, *holding) for fact in group]
     return Facts(
         (*parts, *screws, *works, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more, *where),
         (
@@ -169,6 +195,8 @@ def list_facts(config: AssemblyConfig) -> Facts:
             tuple(stands),
             *whereabouts,
             *(tuple(group) for group in holds.values() if len(group) > 1),
+            *turned,
+            *(group for group in holding if len(group) > 1),
         ),
     )
 
@@ -195,21 +223,40 @@ def list_actions(config: AssemblyConfig) -> list[str]:
         if name in buffered:
             names += [f"pick({pick})" for pick, _, _ in list_picks(config, name)]
             names += [f"place({name}.{buffer})" for buffer in buffered[name]]
-            names.append(f"place({name})")
+            names += [f"place({name}{at.label})" for at in list_orientations(config, name)]
             continue
+        turns = [orientation.label for orientation in list_orientations(config, name)]
         for by, _ in list_tool_labels(part):
             names.append(f"pick({name}{by})")
-            names += [f"place({name}{at.label}{by})" for at in list_place_options(config, name)]
+            names += [
+                f"place({name}{at.label}{turn}{by})"
+                for at in list_place_options(config, name)
+                for turn in turns
+            ]
     for tool in config.tools:
         if config.tool_change.style == "separate":
             names.append(f"offload({tool})")
         names.append(f"load({tool})")
     names += [
-        f"fasten({name}{by})"
+        f"fasten({name}{turn.label}{by})"
         for name, screw in config.screws.items()
+        for turn in list_orientations(config, name)
         for by, _ in list_tool_labels(screw)
     ]
-    return names + [name_work(config, name)[0] for name in config.works]
+    names += [name_work(config, name)[0] for name in config.works]
+    names += [
+        f"turn({name}.{orientation})"
+        for name, entry in config.workholders.items()
+        for orientation in entry.orientations
+    ]
+    for holder, held, by in list_holds(config):
+        names += [f"{config.holders[holder].kind}({held}{by})", f"release({held}{by})"]
+    return names
+
+
+def name_turn_stand(config: AssemblyConfig, workholder: str) -> str:
+    """Return the name of the place where the arm waits during turns of a workholder."""
+    return HOME if config.workholders[workholder].stand_m is None else f"{workholder}.stand"
 
 
 def name_work(config: AssemblyConfig, name: str) -> tuple[str, str]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from skillplan.collision.solid import Solid
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.tool_schema import WorkConfig
 from skillplan.domains.assembly.vocabulary import list_place_options
+from skillplan.domains.assembly.workholding import Orientation, list_orientations
 from skillplan.errors import Issue, name_hint
 from skillplan.task.pose import Point
 from skillplan.task.scene import ToolKind
@@ -18,7 +20,21 @@ def list_work_points(config: AssemblyConfig, name: str) -> list[Point]:
     work = config.works[name]
     solid = get_layout(config).goal(work.part)
     gap_m = 0.0 if work.force_n is not None else work.gap_m
-    return [(x, y, (solid.top_m(x, y) or 0.0) + gap_m) for x, y in work.corners]
+    motion = find_work_orientation(config, name).motion
+    corners = work.corners
+    if motion is not None:
+        height_m = solid.box.high[2]
+        corners = [motion.apply((x, y, height_m))[:2] for x, y in corners]
+        solid = Solid(solid.shapes, motion.then(solid.pose))
+    return [(x, y, (solid.top_m(x, y) or 0.0) + gap_m) for x, y in corners]
+
+
+def find_work_orientation(config: AssemblyConfig, name: str) -> Orientation:
+    """Return the orientation of the product in which a work of a sound file is done."""
+    work = config.works[name]
+    orientations = list_orientations(config, work.part)
+    given = f".{work.orientation}"
+    return next((item for item in orientations if item.label == given), orientations[0])
 
 
 def find_work_issues(config: AssemblyConfig) -> Iterator[Issue]:

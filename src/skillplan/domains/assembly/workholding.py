@@ -1,0 +1,204 @@
+"""What workholders carry and holders hold: facts, skills, and motions by orientation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.task.motion import Visit
+from skillplan.task.pose import Pose, unit
+from skillplan.task.scene import Holder, Placement, Workholder
+from skillplan.task.state import AND
+
+
+class Orientation(NamedTuple):
+    """An orientation in which a part or screw may be put into the product.
+
+    Parameters
+    ----------
+    label
+        Suffix of skills and places: empty in the first orientation.
+    fact
+        Fact that holds in it; None for a component that no workholder carries.
+    motion
+        Motion from the first orientation; None there.
+    """
+
+    label: str
+    fact: str | None
+    motion: Pose | None
+
+
+_STILL = Orientation("", None, None)
+
+
+def name_turned(workholder: str, orientation: str) -> str:
+    """Return the fact that a workholder is in an orientation."""
+    return f"turned({workholder}.{orientation})"
+
+
+def name_holding(holder: str, part: str) -> str:
+    """Return the fact that a holder holds a part."""
+    return f"holds({holder}.{part})"
+
+
+def list_carried(config: AssemblyConfig, workholder: str) -> list[str]:
+    """Return the parts and screws that turn with a workholder."""
+    given = config.workholders[workholder].carries
+    parts = list(config.moved_parts) if given is None else given
+    screws = (name for name, screw in config.screws.items() if screw.through in parts)
+    return [*parts, *screws]
+
+
+def find_workholder(config: AssemblyConfig, component: str) -> str | None:
+    """Return the workholder that carries a part, a screw or a fixture, or None."""
+    for name, workholder in config.workholders.items():
+        if component in (workholder.fixtures or ()) or component in list_carried(config, name):
+            return name
+    return None
+
+
+def list_workholder_orientations(config: AssemblyConfig, workholder: str) -> list[Orientation]:
+    """Return the orientations of a workholder, the first one at the start."""
+    entry = config.workholders[workholder]
+    pivot = (entry.pivot_m[0], entry.pivot_m[1], entry.pivot_m[2])
+    return [
+        Orientation(
+            f".{name}" if number else "",
+            name_turned(workholder, name),
+            orientation.build_motion(pivot) if number else None,
+        )
+        for number, (name, orientation) in enumerate(entry.orientations.items())
+    ]
+
+
+def list_orientations(config: AssemblyConfig, component: str) -> list[Orientation]:
+    """Return the orientations in which a part, screw or fixture may be on its workholder."""
+    workholder = find_workholder(config, component) if config.workholders else None
+    return [_STILL] if workholder is None else list_workholder_orientations(config, workholder)
+
+
+def find_holder_workholder(config: AssemblyConfig, holder: str) -> str | None:
+    """Return the workholder that a holder turns along with, or None."""
+    entry = config.holders[holder]
+    carried = (find_workholder(config, part) for part in entry.parts)
+    return next((name for name in carried if name is not None), None) if entry.turns else None
+
+
+def list_holds(config: AssemblyConfig) -> Iterator[tuple[str, str, str]]:
+    """Yield each holder with a part that it can hold, and the suffix of the skills' names."""
+    seen: set[str] = set()
+    for name, holder in config.holders.items():
+        for part in holder.parts:
+            yield name, part, f":{name}" if part in seen else ""
+            seen.add(part)
+
+
+def turn_placements(
+    placements: Sequence[Placement], orientations: Sequence[Orientation]
+) -> tuple[Placement, ...]:
+    """Return placements in the first orientation as they are in each one."""
+    if orientations[0].fact is None:
+        return tuple(placements)
+    return tuple(
+        replace(
+            placement,
+            fact=AND.join(fact for fact in (placement.fact, orientation.fact) if fact),
+            pose=turn_pose(placement.pose, orientation.motion),
+        )
+        for placement in placements
+        for orientation in orientations
+    )
+
+
+def turn_pose(pose: Pose, motion: Pose | None) -> Pose:
+    """Return a pose after a motion from the first orientation."""
+    return pose if motion is None else motion.then(pose)
+
+
+def turn_visit(visit: Visit, motion: Pose | None) -> Visit:
+    """Return a visit to the product after a motion from the first orientation."""
+    if motion is None:
+        return visit
+    return replace(visit, pose=motion.then(visit.pose), along=unit(motion.rotate(visit.along)))
+
+
+def list_fixture_placements(
+    config: AssemblyConfig, fixture: str, pose: Pose
+) -> tuple[Placement, ...]:
+    """Return the placements of a fixture of a workholder or holder; empty for another fixture."""
+    for name, entry in config.workholders.items():
+        if fixture in (entry.fixtures or ()):
+            return turn_placements(
+                (Placement("", pose),), list_workholder_orientations(config, name)
+            )
+    placements: list[Placement] = []
+    for name, holder in config.holders.items():
+        if fixture in (holder.fixtures or ()):
+            workholder = find_holder_workholder(config, name)
+            orientations = (
+                [_STILL] if workholder is None else list_workholder_orientations(config, workholder)
+            )
+            closed = [Placement(name_holding(name, part), pose) for part in holder.parts]
+            placements += turn_placements(closed, orientations)
+    return tuple(placements)
+
+
+def list_ties(config: AssemblyConfig, workholder: str) -> list[str]:
+    """Return the facts that tie parts on a workholder to something that does not turn along."""
+    entry = config.workholders[workholder]
+    turning = {*list_carried(config, workholder), *(entry.fixtures or ())}
+    facts = [
+        name_holding(name, part)
+        for name, holder in config.holders.items()
+        for part in holder.parts
+        if part in turning and not holder.turns
+    ]
+    for name, screw in config.screws.items():
+        joined = {screw.through, *screw.into_names}
+        if joined & turning and joined - turning:
+            facts.append(f"fastened({name})")
+    for name, part in config.parts.items():
+        into = {other for other, fit in (part.fits or {}).items() if fit.holds}
+        if not part.fixed and into and len({other in turning for other in (name, *into)}) > 1:
+            facts.append(f"placed({name})")
+    return facts
+
+
+def build_workholders(config: AssemblyConfig) -> tuple[Workholder, ...]:
+    """Return the workholders of the scene."""
+    return tuple(
+        Workholder(
+            name,
+            (entry.pivot_m[0], entry.pivot_m[1], entry.pivot_m[2]),
+            {
+                str(orientation.fact): orientation.motion or Pose((0.0, 0.0, 0.0))
+                for orientation in list_workholder_orientations(config, name)
+            },
+            (*list_carried(config, name), *_list_turning_jaws(config, name)),
+            tuple(entry.fixtures or ()),
+        )
+        for name, entry in config.workholders.items()
+    )
+
+
+def _list_turning_jaws(config: AssemblyConfig, workholder: str) -> Iterator[str]:
+    for name, holder in config.holders.items():
+        if find_holder_workholder(config, name) == workholder:
+            yield from holder.fixtures or ()
+
+
+def build_holders(config: AssemblyConfig) -> tuple[Holder, ...]:
+    """Return the holders of the scene."""
+    return tuple(
+        Holder(
+            name,
+            entry.kind,
+            {part: name_holding(name, part) for part in entry.parts},
+            find_holder_workholder(config, name),
+            entry.force_n,
+        )
+        for name, entry in config.holders.items()
+    )
