@@ -401,6 +401,8 @@ LEAST_LINES = 120
 # Smaller modules with one importer, and why they are modules of their own.
 SMALL_MODULES = {
     "skillplan.cli.back_end_comparison": "loaded if `compare` has engines or detectors only",
+    "skillplan.collision.links": "engines and detectors read it by the package's face",
+    "skillplan.domains.assembly.workholder_schema": "the keys of two sections of the file",
     "skillplan.domains.assembly.alternatives": "the checks of what a file leaves to the search",
     "skillplan.domains.assembly.layout_family": "a subject of its own: random layouts",
     "skillplan.env.sb3_vec_env": "loaded by users of Stable-Baselines3 only",
