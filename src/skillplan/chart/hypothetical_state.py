@@ -152,8 +152,10 @@ class HypotheticalStates:
         maker = makers[0]
         if len(makers) > 1:
             maker = min(makers, key=lambda s: len(s.precondition.requires - state))
-        for name in maker.precondition.requires - state:
-            state = self._bring(state, name, skills, depth + 1)
+        # What one needs, such as a tool, may take away what another brought.
+        for _ in range(2):
+            for name in maker.precondition.requires - state:
+                state = self._bring(state, name, skills, depth + 1)
         skills.append(maker)
         return maker.prediction.apply(state)
 

@@ -186,6 +186,8 @@ class Body:
         Shank of a screw; its shapes are the head alone. None if it is not modelled.
     joins
         Bodies that a driven screw fixes to each other; empty for other bodies.
+    part_of
+        Name of the body that replaces it once it is joined to others; "" for none.
     """
 
     name: str
@@ -198,6 +200,7 @@ class Body:
     fixed: bool = False
     shank: Shank | None = None
     joins: tuple[str, ...] = ()
+    part_of: str = ""
 
     def __post_init__(self) -> None:
         if not self.shapes:

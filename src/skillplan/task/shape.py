@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from skillplan.task.pose import Point, dot
+from skillplan.task.pose import Point, Pose, dot
 
 # Rounding error of points on the rim of a shape [m].
 _RIM_M = 1e-9
@@ -194,3 +194,60 @@ class Mesh:
 
 
 Shape = Box | Cylinder | Mesh
+
+# Corners of the circle of a cylinder that lies.
+_ROUND = 64
+_AXIS = 1 - 1e-9
+
+
+def move_shape(shape: Shape, pose: Pose) -> Shape:
+    """Return a shape in the parent frame of its own.
+
+    A box that is not turned by quarters becomes a mesh, and so does a cylinder that does not stand:
+    its circles become polygons with 64 corners on them.
+    """
+    if isinstance(shape, Mesh):
+        corners = tuple(pose.apply(corner) for corner in shape.corners)
+        return Mesh(corners, shape.faces, shape.convex)
+    centre = pose.apply(shape.centre)
+    rows = pose.rotation
+    if isinstance(shape, Cylinder):
+        if abs(rows[2][2]) >= _AXIS:
+            return Cylinder(shape.diameter_m, shape.height_m, centre)
+        return _make_prism(
+            [
+                (
+                    shape.diameter_m / 2 * math.cos(2 * math.pi * number / _ROUND),
+                    shape.diameter_m / 2 * math.sin(2 * math.pi * number / _ROUND),
+                )
+                for number in range(_ROUND)
+            ],
+            shape.height_m,
+            pose.then(Pose(shape.centre)),
+        )
+    if all(max(map(abs, row)) >= _AXIS for row in rows):
+        x, y, z = (sum(abs(r) * e for r, e in zip(row, shape.size, strict=True)) for row in rows)
+        return Box((x, y, z), centre)
+    x, y, z = (extent / 2 for extent in shape.size)
+    return _make_prism([(x, y), (-x, y), (-x, -y), (x, -y)], 2 * z, pose.then(Pose(shape.centre)))
+
+
+def _make_prism(outline: list[tuple[float, float]], height_m: float, pose: Pose) -> Mesh:
+    """Return an upright convex prism about its centre [m] as a mesh in the parent frame.
+
+    Parameters
+    ----------
+    outline
+        Corners anticlockwise.
+    """
+    count = len(outline)
+    corners = [
+        pose.apply((x_m, y_m, side * height_m / 2)) for side in (-1, 1) for x_m, y_m in outline
+    ]
+    faces = []
+    for first in range(count):
+        second = (first + 1) % count
+        faces += [(first, second, count + second), (first, count + second, count + first)]
+    for number in range(1, count - 1):
+        faces += [(0, number + 1, number), (count, count + number, count + number + 1)]
+    return Mesh(tuple(corners), tuple(faces))

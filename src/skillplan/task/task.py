@@ -332,6 +332,9 @@ class Task:
                 continue
             places = [p.fact for p in body.placements if p.frame == WORLD]
             held = [fact for fact in places if fact in last and fact not in self.initial]
+            if body.part_of and not held:
+                # It went into a sub-assembly.
+                continue
             free = [fact for fact in places if fact not in self.initial]
             if held or (goal in finished and free):
                 finished |= self.facts.of((held or free)[0])

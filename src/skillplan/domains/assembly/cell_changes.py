@@ -140,7 +140,7 @@ def _list_places(config: AssemblyConfig) -> Iterator[tuple[str, dict[str, Sequen
         if fixture.stands_on is None and not goals & set(_list_stack(config, name)):
             yield f"the fixture {name}", _collect_places(config, name)
     for name, part in config.moved_parts.items():
-        if part.start_m is not None and part.start_on is None:
+        if part.start_m is not None and part.start_on is None and not part.made_of:
             yield f"the start of {name}", _collect_places(config, name)
     yield "home", {"robot.home_m": config.robot.home_m}
 

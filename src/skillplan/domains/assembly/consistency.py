@@ -11,6 +11,7 @@ from skillplan.domains.assembly.cost_schema import find_cost_issues
 from skillplan.domains.assembly.feeding import find_feeder_issues
 from skillplan.domains.assembly.geometry_faults import find_geometry_issues, find_shape_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.subassembly import find_subassembly_issues
 from skillplan.domains.assembly.vocabulary import HOME, list_actions, list_facts, split_literal
 from skillplan.errors import Issue, name_hint
 from skillplan.task.scene import WORLD
@@ -28,6 +29,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
                 _check_names(config),
                 find_shape_issues(config),
                 find_choice_issues(config),
+                find_subassembly_issues(config),
                 _check_cycles(config),
                 _check_lists(config),
                 _check_step_limit(config),

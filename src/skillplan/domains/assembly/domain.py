@@ -26,7 +26,7 @@ from skillplan.task.task import Task
 
 # Section of the file that a fact comes from, by the kind of fact.
 _SECTIONS = {
-    **dict.fromkeys(("at_start", "held", "placed", "in_buffer", "grasp"), "parts"),
+    **dict.fromkeys(("at_start", "held", "placed", "apart", "in_buffer", "grasp"), "parts"),
     "fastened": "screws",
 }
 _SECTIONS |= {"pressed": "works", "dispensed": "works"}
@@ -101,6 +101,8 @@ class AssemblyDomain(Domain):
             return ("screws", subject, "hole_m")
         if name in ("press", "dispense"):
             return ("works", subject)
+        if name == "join":
+            return ("parts", subject, "made_of")
         if subject not in config.parts:
             return ()
         part = config.parts[subject]
@@ -110,7 +112,7 @@ class AssemblyDomain(Domain):
             return ("buffers", where[0])
         if name == "place":
             return ("parts", subject, "goal_m")
-        keys = ("start_m", "start_on", "feeder")
+        keys = ("made_of", "start_m", "start_on", "feeder")
         return ("parts", subject, next(key for key in keys if getattr(part, key) is not None))
 
     def generate(self, parameters: Mapping[str, Any]) -> str:

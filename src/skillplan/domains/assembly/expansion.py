@@ -26,7 +26,7 @@ _KEYS = {
     "screws": ("count", "hole_pattern"),
 }
 # Keys of an entry that name other parts.
-_REFERENCES = ("start_on", "goal_on", "through", "into")
+_REFERENCES = ("start_on", "goal_on", "through", "into", "made_of")
 _MOST = 256
 
 

@@ -160,7 +160,11 @@ class _Grounding:
             skills=tuple(skills[name] for name in order),
             initial=facts.of(
                 *(
-                    f"placed({name})" if part.fixed else f"at_start({name})"
+                    f"placed({name})"
+                    if part.fixed
+                    else f"apart({name})"
+                    if part.made_of
+                    else f"at_start({name})"
                     for name, part in config.parts.items()
                 ),
                 NO_TOOL if config.initial_tool is None else f"tool({config.initial_tool})",
@@ -275,6 +279,8 @@ class _Grounding:
         """Yield all skills: picks and places, tool changes, fastenings, turns, and holds."""
         buffered = vocabulary.list_buffered(self.config)
         for name, part in self.config.moved_parts.items():
+            if part.made_of:
+                yield self._build_join(name, part.made_of)
             if name in buffered:
                 yield from self._build_buffered(name, buffered[name])
                 continue
@@ -336,6 +342,7 @@ class _Grounding:
         """
         config, facts = self.config, self.facts
         robot = config.robot.name
+        add = [*add, *self._list_single(add)]
         motion = Motion(
             robot,
             tuple(
@@ -391,6 +398,13 @@ class _Grounding:
             fixed = compute_fixed_cost(weights, kind, name, parameters)
             return WeightedCost(distance_m, weights.per_m, duration_s, weights.per_s, fixed)
         return duration_s if weights == "time" else distance_m
+
+    def _list_single(self, added: Sequence[str]) -> list[str]:
+        """Return the facts that members of sub-assemblies are bodies by themselves."""
+        joined_in = self.config.joined_in
+        done = [fact.partition("(") for fact in added] if joined_in else []
+        names = [rest[:-1] for kind, _, rest in done if kind in ("placed", "fastened")]
+        return [f"single({name})" for name in names if name in joined_in]
 
     def _list_routes(
         self, visits: Visit | tuple[Visit, ...] | Mapping[str | None, Visit]
@@ -635,7 +649,7 @@ class _Grounding:
             requires=[
                 HAND_FREE,
                 f"tool({work.tool})",
-                f"placed({work.part})",
+                f"{'single' if work.part in config.joined_in else 'placed'}({work.part})",
                 *_list_fact(find_work_orientation(config, name)),
             ],
             forbids=[fact],
@@ -689,6 +703,31 @@ class _Grounding:
                 duration_s=duration_s,
                 parameters=parameters,
             )
+
+    def _build_join(self, name: str, members: Sequence[str]) -> Skill:
+        """Return the skill that makes one part of the members of a sub-assembly: it takes no time."""
+        config, facts = self.config, self.facts
+        done = [f"placed({m})" if m in config.parts else f"fastened({m})" for m in members]
+        works = [
+            vocabulary.name_work(config, work)[1]
+            for work, given in config.works.items()
+            if given.part in members
+        ]
+        single = facts.of(*(f"single({member})" for member in members))
+        held = [name_holding(holder, p) for holder, p, _ in list_holds(config) if p in members]
+        requires = facts.of(*done, *works, f"apart({name})") | single
+        return Skill(
+            name=f"join({name})",
+            kind="join",
+            agents=(config.robot.name,),
+            precondition=Condition(requires, facts.of(*held)),
+            outcomes=(
+                Outcome(1.0, facts.of(f"at_start({name})"), facts.of(f"apart({name})") | single),
+            ),
+            cost=ConstantCost(0.0),
+            duration_s=ConstantCost(0.0),
+            parameters={"part": name, "members": ", ".join(members)},
+        )
 
     def _list_works_before(self, name: str) -> list[str]:
         """Return the facts of the works that come before a part or screw."""
@@ -799,6 +838,7 @@ def choose_step_limit(config: AssemblyConfig) -> int:
         return config.step_limit
     skills_per_change = 2 if config.tool_change.style == "separate" else 1
     components = len(config.moved_parts) + len(config.screws) + len(config.works)
+    joins = sum(part.made_of is not None for part in config.moved_parts.values())
     changes = components + 1 if len(config.tools) > 1 else 1
     failures = [part.grasp_failure for part in config.moved_parts.values()]
     tries = [
@@ -811,7 +851,7 @@ def choose_step_limit(config: AssemblyConfig) -> int:
     # A turn before each part and screw, and two holds of each part with its releases.
     turns = (components + 1) * len(config.workholders)
     turns += 4 * sum(len(holder.parts) for holder in config.holders.values())
-    most = sum(tries) + components + 2 * visits + changes * skills_per_change + turns
+    most = sum(tries) + components + joins + 2 * visits + changes * skills_per_change + turns
     return min(most, MOST_STEPS)
 
 
@@ -889,6 +929,7 @@ def _build_part(config: AssemblyConfig, name: str) -> Body:
         () if convex == shapes else shapes,
         tuple(_build_fit(into, fit) for into, fit in (part.fits or {}).items()),
         fixed=part.fixed,
+        part_of=config.joined_in.get(name, ""),
     )
 
 
@@ -912,6 +953,8 @@ def _list_goal_placements(config: AssemblyConfig, name: str) -> tuple[Placement,
         return (Placement(f"placed({name})", get_layout(config).goal(name).pose),)
     options = vocabulary.list_place_options(config, name)
     fact = "placed" if len(options) == 1 else "at_goal"
+    if name in config.joined_in:
+        fact = "single"
     placements = []
     for option in options:
         where = choose_variant(config, option.done, option.label)
@@ -964,7 +1007,8 @@ def _build_screw(config: AssemblyConfig, name: str) -> Body:
     screw = config.screws[name]
     height_m = screw.head_height_m
     head = Cylinder(screw.head_diameter_m, height_m, (0.0, 0.0, height_m / 2))
-    driven = Placement(f"fastened({name})", get_layout(config).hole_pose(screw))
+    fact = "single" if name in config.joined_in else "fastened"
+    driven = Placement(f"{fact}({name})", get_layout(config).hole_pose(screw))
     return Body(
         name,
         (head,),
@@ -972,6 +1016,7 @@ def _build_screw(config: AssemblyConfig, name: str) -> Body:
         screw.mass_kg,
         shank=find_shank(config, name),
         joins=(screw.through, *screw.into_names),
+        part_of=config.joined_in.get(name, ""),
     )
 
 

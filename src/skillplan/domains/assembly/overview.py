@@ -171,6 +171,8 @@ def list_supports(config: AssemblyConfig) -> Overview:
         start, goal = find_start_rests(config, name), find_goal_rests(config, name)
         before = f"in {part.feeder}" if part.feeder is not None else f"on {_format_rests(start)}"
         before = "fixed from the start" if part.fixed else f"at the start {before}"
+        if part.made_of:
+            before = f"put together of {', '.join(part.made_of)}, {part.mass_kg:.3g} kg"
         lines.append(f"rests      {name} on {_format_rests(goal)}; {before}")
         entries.append({"part": name, "start": _build_rests(start), "goal": _build_rests(goal)})
     fixtures = []

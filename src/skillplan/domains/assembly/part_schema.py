@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -34,8 +35,8 @@ from skillplan.domains.assembly.schema_types import (
 )
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continue_sentence, shown
-from skillplan.task.pose import Point
-from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+from skillplan.task.pose import Point, Pose
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape, move_shape
 
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
 # Above this, 53 bits cannot tell the expected number of tries from infinity.
@@ -62,11 +63,21 @@ Names = Annotated[
 _MOVED_KEYS = (
     *("tool", "grasp", "grasp_failure", "start_m", "start_on", "feeder", "start_yaw_rad"),
     *("start_rpy_rad", "insert_along", "insert_m", "durations_s", "buffers"),
-    *("other_goals", "other_tools", "optional", "interchangeable"),
+    *("other_goals", "other_tools", "optional", "interchangeable", "made_of"),
+)
+
+# Keys that the members of a sub-assembly give.
+_MEMBERS_GIVE = (
+    *("size_m", "boxes", "cylinder", "meshes", "mass_kg", "start_m", "start_on", "feeder"),
+    *("start_yaw_rad", "start_rpy_rad", "start_in", "start_pattern"),
 )
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
 """Keys for the shape of a part or a fixture, exactly one of which is given."""
+
+
+# Stands for the shape of a sub-assembly whose members have faults.
+_UNKNOWN: tuple[Shape, ...] = (Box((1e-3, 1e-3, 1e-3), (0.0, 0.0, 5e-4)),)
 
 
 class BoxConfig(Strict):
@@ -307,8 +318,20 @@ class Shaped(Strict):
         None, description="polyhedra from files, convex or not; instead of size_m"
     )
 
+    # Members of a sub-assembly in its frame, and its shapes with the heads of its screws.
+    _members: tuple[tuple[Shaped, Pose], ...] = PrivateAttr(())
+    _heads: tuple[Shape, ...] = PrivateAttr(())
+    _joined: tuple[Shape, ...] = PrivateAttr(())
+
+    @property
+    def is_joined(self) -> bool:
+        """True for a sub-assembly, whose shape its members give."""
+        return False
+
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
+        if self.is_joined:
+            return self
         if sum(getattr(self, key) is not None for key in SHAPE_KEYS) != 1:
             raise Located("give one of 'size_m', 'boxes', 'cylinder' and 'meshes'.")
         return self
@@ -316,6 +339,8 @@ class Shaped(Strict):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Shapes in the body's own frame, whose origin is at the centre of its bottom."""
+        if self.is_joined:
+            return self._joined or _UNKNOWN
         if self.size_m is not None:
             x_m, y_m, z_m = self.size_m
             return (Box((x_m, y_m, z_m), (0.0, 0.0, z_m / 2)),)
@@ -337,6 +362,13 @@ class Shaped(Strict):
         NoPieces
             If no installed plugin decomposes such a mesh.
         """
+        if self.is_joined:
+            pieces = [
+                move_shape(shape, pose)
+                for member, pose in self._members
+                for shape in member.convex_shapes
+            ]
+            return (*pieces, *self._heads) or _UNKNOWN
         meshes = self.meshes or ()
         if not any(map(self.moves_as_pieces, meshes)):
             return self.shapes
@@ -368,7 +400,26 @@ class Shaped(Strict):
     @property
     def shape_key(self) -> str:
         """The key that gives its shape."""
+        if self.is_joined:
+            return "made_of"
         return next(key for key in SHAPE_KEYS if getattr(self, key) is not None)
+
+    def join(self, members: Mapping[str, tuple[Shaped, Pose]], heads: Sequence[Shape]) -> None:
+        """Set the shape of a sub-assembly.
+
+        Parameters
+        ----------
+        members
+            Its parts with their poses in its frame, by name.
+        heads
+            Heads of its screws in its frame.
+        """
+        self._members = tuple(members.values())
+        self._heads = tuple(heads)
+        shapes = [
+            move_shape(shape, pose) for member, pose in self._members for shape in member.shapes
+        ]
+        self._joined = (*shapes, *heads)
 
 
 class OtherGoal(Strict):
@@ -514,8 +565,26 @@ class PartConfig(Shaped):
         description="it need not be placed, unless 'goal' names it; left out: it must",
     )
 
+    made_of: Names | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="the parts and screws that it is put together from, each at its own goal, the "
+        "part that gives its origin first; then it is one part, which a hand takes from there; its "
+        "shape, mass and start follow; left out: it is a single part",
+    )
+
+    @property
+    def is_joined(self) -> bool:
+        """True for a sub-assembly, whose shape its members give."""
+        return self.made_of is not None
+
     @model_validator(mode="after")
     def _one_start(self) -> PartConfig:
+        if self.made_of is not None:
+            for key in (*_MEMBERS_GIVE, "fixed", "count", "interchangeable"):
+                if key in self.model_fields_set:
+                    words = "its members give it" if key in _MEMBERS_GIVE else "it is put together"
+                    raise Located(f"a sub-assembly has none: {words}. Leave it out.", key)
         if self.fixed:
             for key in _MOVED_KEYS:
                 if key in self.model_fields_set:
@@ -524,7 +593,7 @@ class PartConfig(Shaped):
         if "tool" not in self.model_fields_set:
             raise Located("key 'tool' is missing; only a fixed part has none.")
         lies = self.start_m is not None or self.start_on is not None
-        if lies == (self.feeder is not None):
+        if self.made_of is None and lies == (self.feeder is not None):
             raise Located("give one of 'start_m', 'start_on' and 'feeder'.")
         for when in ("start", "goal"):
             keys = (f"{when}_yaw_rad", f"{when}_rpy_rad")

@@ -70,19 +70,26 @@ def find_bearers(config: AssemblyConfig, name: str) -> list[str]:
     Fixtures are none of them: they are never taken away.
     """
     part = config.parts[name]
+    if part.made_of:
+        return []
     if part.start_m is None or len(part.start_m) == 2:
         return [part.start_on] if part.start_on in config.parts else []
     layout = get_layout(config)
     own = layout.start(name)
-    lying = [other for other, at in config.parts.items() if other != name and at.feeder is None]
+    lying = [other for other in _list_lying(config) if other != name]
     return [other for other in lying if _is_bearing(layout.start(other), own)]
 
 
 def find_start_rests(config: AssemblyConfig, name: str) -> list[Rest]:
     """Return the supports of a part at the start, largest area first; none in a feeder."""
-    return (
-        [] if config.parts[name].feeder is not None else _find_rests(_collect_starts(config), name)
-    )
+    lies = name in _list_lying(config)
+    return _find_rests(_collect_starts(config), name) if lies else []
+
+
+def _list_lying(config: AssemblyConfig) -> list[str]:
+    """Return the parts that lie somewhere at the start: not in feeders, and no sub-assemblies."""
+    parts = config.parts.items()
+    return [name for name, part in parts if part.feeder is None and not part.made_of]
 
 
 def find_goal_rests(config: AssemblyConfig, name: str) -> list[Rest]:
@@ -128,7 +135,7 @@ def find_buffer_issues(config: AssemblyConfig) -> Iterator[Issue]:
 
 def _collect_starts(config: AssemblyConfig) -> _Stage:
     layout = get_layout(config)
-    lying = [name for name, part in config.parts.items() if part.feeder is None]
+    lying = _list_lying(config)
     jaws = {name for holder in config.holders.values() for name in holder.fixtures or ()}
     fixtures = [name for name in config.fixtures if name not in jaws]
     return _Stage(

@@ -319,6 +319,19 @@ class AssemblyConfig(Strict):
         None, description="figures that tests verify; left out: none"
     )
 
+    @model_validator(mode="after")
+    def _join_members(self) -> AssemblyConfig:
+        if any(part.made_of for part in self.parts.values()):
+            from skillplan.domains.assembly.subassembly import join_members
+
+            join_members(self)
+        return self
+
+    @property
+    def joined_in(self) -> dict[str, str]:
+        """The sub-assembly that each of its parts and screws becomes part of, by name."""
+        return {member: name for name, part in self.parts.items() for member in part.made_of or ()}
+
     @property
     def moved_parts(self) -> dict[str, PartConfig]:
         """The parts that hands move, by name."""

@@ -155,9 +155,15 @@ def list_facts(config: AssemblyConfig) -> Facts:
         part: [f"in_buffer({part}.{buffer})" for buffer in buffers]
         for part, buffers in list_buffered(config).items()
     }
+    # A member of a sub-assembly is a body by itself until it is joined; the sub-assembly comes then.
+    single = [f"single({member})" for member in config.joined_in]
+    apart = [f"apart({p})" for p, part in moved.items() if part.made_of]
     whereabouts: list[tuple[str, ...]] = [
-        (f"at_start({p})", f"held({p})", f"placed({p})", *buffered.get(p, ()))
-        for p in moved
+        (
+            *([f"apart({p})"] if part.made_of else []),
+            *(f"at_start({p})", f"held({p})", f"placed({p})", *buffered.get(p, ())),
+        )
+        for p, part in moved.items()
         if len(list_interchangeable(config, p)) == 1
     ]
     fixed = [FIXED] if config.fixtures else []
@@ -187,6 +193,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
         for name, holder in config.holders.items()
     ]
     more += [fact for group in (*turned, *holding) for fact in group]
+    more += [*single, *apart]
     return Facts(
         (*parts, *screws, *works, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more, *where),
         (
@@ -220,6 +227,8 @@ def list_actions(config: AssemblyConfig) -> list[str]:
     names: list[str] = []
     buffered = list_buffered(config)
     for name, part in config.moved_parts.items():
+        if part.made_of:
+            names.append(f"join({name})")
         if name in buffered:
             names += [f"pick({pick})" for pick, _, _ in list_picks(config, name)]
             names += [f"place({name}.{buffer})" for buffer in buffered[name]]

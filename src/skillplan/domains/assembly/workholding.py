@@ -47,7 +47,9 @@ def name_holding(holder: str, part: str) -> str:
 def list_carried(config: AssemblyConfig, workholder: str) -> list[str]:
     """Return the parts and screws that turn with a workholder."""
     given = config.workholders[workholder].carries
-    parts = list(config.moved_parts) if given is None else given
+    # Members of sub-assemblies are put together elsewhere.
+    moved = [name for name in config.moved_parts if name not in config.joined_in]
+    parts = moved if given is None else given
     screws = (name for name, screw in config.screws.items() if screw.through in parts)
     return [*parts, *screws]
 
