@@ -38,6 +38,7 @@ from .scene import Zone as Zone
 from .shape import Box as Box
 from .shape import Cylinder as Cylinder
 from .shape import Mesh as Mesh
+from .shape import move_shape as move_shape
 from .skill import Case as Case
 from .skill import Outcome as Outcome
 from .skill import Skill as Skill
@@ -109,6 +110,7 @@ __all__ = [
     "cross",
     "dot",
     "find_unreachable_facts",
+    "move_shape",
     "plus",
     "read_start_state",
     "unit",

@@ -9,8 +9,7 @@ import pytest
 
 from skillplan import Setup, solve
 from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
-from skillplan.task.shape import Box, Cylinder, Mesh, move_shape
-from skillplan.task.pose import Pose
+from skillplan.task import Box, Cylinder, Mesh, Pose, move_shape
 
 BOXES = Setup(collision=("aabb",))
 TOOLS = {
@@ -164,7 +163,7 @@ def test_shape_mass_and_start_of_a_unit_are_not_given(key):
 )
 @pytest.mark.parametrize("rpy_rad", [(0, 0, math.pi / 2), (math.pi, 0, 0), (0.3, 0.2, 0.1)])
 def test_a_moved_shape_reaches_as_far_as_before(shape, rpy_rad):
-    """Seen along every axis, except for the polygon of a cylinder that leans: 0.2 % of its radius."""
+    """Along every axis; the polygon of a leaning cylinder misses 0.2 % of its radius."""
     pose = Pose.turned((0.1, -0.2, 0.3), rpy_rad)
     moved = move_shape(shape, pose)
     assert isinstance(moved, Mesh) == (rpy_rad == (0.3, 0.2, 0.1))

@@ -705,7 +705,7 @@ class _Grounding:
             )
 
     def _build_join(self, name: str, members: Sequence[str]) -> Skill:
-        """Return the skill that makes one part of the members of a sub-assembly: it takes no time."""
+        """Return the skill that makes one part of a sub-assembly, in no time."""
         config, facts = self.config, self.facts
         done = [f"placed({m})" if m in config.parts else f"fastened({m})" for m in members]
         works = [

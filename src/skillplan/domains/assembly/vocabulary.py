@@ -155,7 +155,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
         part: [f"in_buffer({part}.{buffer})" for buffer in buffers]
         for part, buffers in list_buffered(config).items()
     }
-    # A member of a sub-assembly is a body by itself until it is joined; the sub-assembly comes then.
+    # Members of a sub-assembly are bodies by themselves until it is joined, and then it exists.
     single = [f"single({member})" for member in config.joined_in]
     apart = [f"apart({p})" for p, part in moved.items() if part.made_of]
     whereabouts: list[tuple[str, ...]] = [
