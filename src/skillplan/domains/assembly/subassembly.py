@@ -98,9 +98,9 @@ def find_subassembly_issues(config: AssemblyConfig) -> Iterator[Issue]:
         elif part.made_of and not any(member in config.parts for member in part.made_of):
             yield Issue("names no part. Name at least one.", ("parts", name, "made_of"))
     for name, workholder in config.workholders.items():
-        for index, part in enumerate(workholder.carries or ()):
-            if part in owners:
-                words = f"{part!r} is put together elsewhere. Name {owners[part]!r}."
+        for index, carried in enumerate(workholder.carries or ()):
+            if carried in owners:
+                words = f"{carried!r} is put together elsewhere. Name {owners[carried]!r}."
                 yield Issue(words, ("workholders", name, "carries", index))
     if owners and config.family is not None:
         yield Issue("a family of layouts has no sub-assemblies. Leave one out.", ("family",))
