@@ -1,8 +1,12 @@
 """A plan along its planned paths: where tip and parts are, how long it takes, what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from skillplan import Setup, load_problem, make_model
+from skillplan.model import replay
 from skillplan.physics import MotionPlans, plan_linear_motions
 from skillplan_pinocchio import SweptDetector
 
@@ -112,6 +116,19 @@ def test_joints_keep_their_limits_and_skills_take_the_times_of_cost_by_time(
         # No travel of this plan leads round anything.
         told_s = detector.duration_s(board.skill(skill.skill), states[skill.skill])
         assert told_s == pytest.approx(skill.end_s - skill.begin_s, abs=1e-6), skill.skill
+
+
+@pytest.mark.slow(reason="a plan of 16 skills; costs with waits in every run")
+def test_the_arm_waits_for_parts_and_feeders_as_long_as_the_costs_say():
+    cell = load_problem(Path(__file__).parents[3] / "configs/cell_arrivals.yaml").task
+    skills = cell.parse_sequence("0,1,10,11,8,9,2,3,12,13,4,5,15,16,6,7")
+    walked = replay(make_model(cell, Setup(collision=("swept",))), skills)
+    played = SweptDetector(cell).planned_motion(skills, 10)
+    assert [s.end_s - s.begin_s for s in played.skills] == pytest.approx(
+        [step.duration_s for step in walked.steps], abs=1e-6
+    )
+    waited = {step.skill for step in walked.steps if step.wait_s}
+    assert waited == {"pick(nut_1)", "pick(box_2)", "pick(box_3)"}
 
 
 def test_nothing_touches_in_it(motion):

@@ -218,9 +218,14 @@ class RewardFunction:
         Raises
         ------
         OptionError
-            If the objective is unknown.
+            If the objective is unknown, or costs depend on the time since the begin.
         """
         check_name("objective", objective, Objective)
+        if task.counts_waits:
+            raise OptionError(
+                f"{task.name!r}: parts arrive at a time ('arrives_s'), and how long the arm waits "
+                "depends on more than the state, on which rewards rest. Take cost: distance."
+            )
         reward = task.reward
         infeasible = _FAILED if reward is None else reward.infeasible
         return cls(

@@ -20,6 +20,7 @@ from skillplan.exporters.exporter import (
     Identifiers,
     PlannedSkill,
     format_decimal,
+    note_arrivals,
     note_zones,
     quote,
     states_torques,
@@ -97,8 +98,8 @@ class BehaviourTreeExporter(Exporter):
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return that failed skills are tried again, and that the tree holds no zones."""
-        zones = note_zones(handover)
+        """Return that failed skills are tried again, and that zones are left out."""
+        zones = (*note_arrivals(handover), *note_zones(handover))
         if not handover.chance:
             return zones
         return (f"a skill that fails by chance is tried {self.options.attempts} times", *zones)

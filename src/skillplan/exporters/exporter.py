@@ -219,6 +219,14 @@ def states_torques(handover: Handover) -> bool:
     return any(planned.torque_nm is not None for planned in handover.skills)
 
 
+def note_arrivals(handover: Handover) -> tuple[str, ...]:
+    """Return that a file holds no times of arrival, if parts of the task arrive."""
+    if not handover.task.has_arrivals:
+        return ()
+    words = "left out are times of arrival ('arrives_s'): durations contain the planned waits, and"
+    return (f"{words} the executor has to wait for each part",)
+
+
 def note_zones(handover: Handover) -> tuple[str, ...]:
     """Return that a file without paths holds no zones, if the task has any."""
     zones = handover.task.scene.zones

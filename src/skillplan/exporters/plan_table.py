@@ -12,6 +12,7 @@ from skillplan.exporters.exporter import (
     Handover,
     PlannedSkill,
     format_decimal,
+    note_arrivals,
     note_zones,
     states_torques,
 )
@@ -53,8 +54,8 @@ class CsvExporter(Exporter):
     suffix: ClassVar[str] = ".csv"
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return that the file holds no zones."""
-        return note_zones(handover)
+        """Return that the file holds no times of arrival and no zones."""
+        return (*note_arrivals(handover), *note_zones(handover))
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
         """Return the table, with escaped formulas (see `read_cell`)."""

@@ -10,6 +10,7 @@ from skillplan.exporters.exporter import (
     Handover,
     Identifiers,
     PlannedSkill,
+    note_arrivals,
     note_zones,
     quote,
     states_torques,
@@ -114,8 +115,8 @@ class StructuredTextExporter(Exporter):
     suffix: ClassVar[str] = ".st"
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return that the file holds no zones."""
-        return note_zones(handover)
+        """Return that the file holds no times of arrival and no zones."""
+        return (*note_arrivals(handover), *note_zones(handover))
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
         """Return the function block."""

@@ -149,6 +149,10 @@ def find_least_cost_of_states(
     BackEndError
         If a back end fails.
     """
+    counts_waits = model.task.counts_waits
+    if counts_waits and not model.task.metric.is_duration:
+        why = "parts arrive at a time, and the cost of a path does not say when it ends"
+        return LeastCost(STATES, why_not=why)
     # A path is its last step and the path before that; None at the initial state.
     start: _Path | None = None
     queue: list[tuple[float, int, int, State, _Path | None]] = [(0.0, 0, 0, model.initial, start)]
@@ -173,7 +177,10 @@ def find_least_cost_of_states(
                 if shortest.get(step.next_state, model.step_limit + 1) <= steps + 1:
                     continue
                 pushed += 1
-                entry = (cost + step.cost, steps + 1, pushed, step.next_state, (step, path))
+                total = cost + step.cost
+                if counts_waits:
+                    total += step.skill.compute_wait_s(cost)
+                entry = (total, steps + 1, pushed, step.next_state, (step, path))
                 heapq.heappush(queue, entry)
     except SearchStopped:
         return LeastCost(STATES, why_not=_STOPPED)
@@ -374,6 +381,9 @@ def _check_steps(stored: StoredClaims, walked: Replay) -> Claim:
                 f"{_format_figure(step.duration_s)} s, not {_format_figure(claimed.duration_s)} s"
             )
             fault = fault or f"{place}{step.skill} takes {figures}"
+        elif abs(claimed.wait_s - step.wait_s) > SAME_TIME_S:
+            figures = f"{_format_figure(step.wait_s)} s, not {_format_figure(claimed.wait_s)} s"
+            fault = fault or f"{place}{step.skill} waits {figures}"
         elif claimed.way != step.way:
             ways = f"{step.way or 'its only way'}, not {claimed.way or 'its only way'}"
             fault = fault or f"{place}{step.skill} goes {ways}"
@@ -491,6 +501,8 @@ def _search_orders(model: SkillModel, stop: Stop) -> LeastCost:
     """Return the least cost over orders of jobs; the plan must also hold on the model."""
     from skillplan.model.sequencing import SequencingProblem
 
+    if model.task.counts_waits:
+        return LeastCost(ORDERS, why_not="waits for arriving parts depend on more than two jobs")
     try:
         problem = SequencingProblem.from_model(model)
     except (NotASequencing, SearchStopped) as error:

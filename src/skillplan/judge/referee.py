@@ -237,6 +237,10 @@ def find_counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
         `AUDIT_SKILLS` checked skills.
     """
     limit = bound if math.isinf(bound) else bound - tolerance(bound)
+    counts_waits = model.task.counts_waits
+    if counts_waits and not model.task.metric.is_duration:
+        # The cost of a path does not say when it ends.
+        return None
     best: dict[State, float] = {model.initial: 0.0}
     came: dict[State, tuple[State, Skill]] = {}
     queue: list[tuple[float, int, int, State]] = [(0.0, 0, 0, model.initial)] if limit > 0 else []
@@ -253,6 +257,8 @@ def find_counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
         looked_at += len(model.task.skills)
         for step in model.transitions(state):
             total, following = cost + step.cost, step.next_state
+            if counts_waits:
+                total += step.skill.compute_wait_s(cost)
             if total < limit and total < best.get(following, math.inf):
                 best[following], came[following] = total, (state, step.skill)
                 pushed += 1

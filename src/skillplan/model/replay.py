@@ -29,6 +29,8 @@ class Step:
         The reward; None if the task has no reward scheme.
     place
         Final place of a walking skill.
+    wait_s
+        Part of the duration in which the arm waits for a part [s], >= 0.
     """
 
     index: int
@@ -41,6 +43,7 @@ class Step:
     reward: float | None
     place: str | None = None
     way: str | None = None
+    wait_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +120,7 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
     penalty = None if reward is None else 0.0
     violations: list[Violation] = []
     over = model.is_goal(state)
+    elapsed_s = 0.0
     for index, skill in enumerate(skills):
         if index == model.step_limit:
             reason = f"the sequence has {len(skills)} skills, the limit is {model.step_limit}"
@@ -131,7 +135,8 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
             )
             penalty = None if reward is None else reward.infeasible
             break
-        transition = model.transition(state, skill)
+        transition = model.transition(state, skill, elapsed_s)
+        elapsed_s += transition.duration_s
         way = verdict.evidence.get("way") if skill.ways else None
         steps.append(replace(_step(model, index, transition, over), way=way))
         over = over or model.is_goal(transition.next_state)
@@ -181,4 +186,5 @@ def _step(model: SkillModel, index: int, transition: Transition, over: bool) -> 
         transition.duration_s,
         reward,
         place,
+        wait_s=transition.wait_s,
     )

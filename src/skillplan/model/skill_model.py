@@ -36,6 +36,8 @@ class Transition:
         Pairs of probability and next state; one pair if the skill is deterministic.
     cost
         Cost in the task's metric, >= 0.
+    wait_s
+        Part of the duration in which the arm waits for a part [s], >= 0.
     """
 
     state: State
@@ -43,6 +45,7 @@ class Transition:
     outcomes: tuple[tuple[float, State], ...]
     cost: float
     duration_s: float
+    wait_s: float = 0.0
 
     def __post_init__(self) -> None:
         outcomes = self.outcomes
@@ -190,22 +193,39 @@ class SkillModel:
             self._count(skill, verdict)
         return verdicts
 
-    def transition(self, state: State, skill: Skill) -> Transition:
+    def transition(self, state: State, skill: Skill, elapsed_s: float | None = None) -> Transition:
         """Return the predicted transition, feasible or not.
 
         Back ends are queried only for execution times, and for the variant of a skill that has
         several.
+
+        Parameters
+        ----------
+        elapsed_s
+            Time since the begin of the plan, from which the wait for an arriving part follows [s];
+            None leaves the wait out, so that cost and duration are lower bounds.
         """
         duration_s = self.duration_s(state, skill)
+        wait_s = 0.0 if elapsed_s is None else skill.compute_wait_s(elapsed_s)
         return Transition(
             state,
             skill,
             tuple(
                 (outcome.probability, outcome.apply(state)) for outcome in skill.outcomes_in(state)
             ),
-            self.price(skill, state, duration_s),
-            duration_s,
+            self.price(skill, state, duration_s) + self.task.metric.cost_per_s * wait_s,
+            duration_s + wait_s,
+            wait_s + self._find_feeder_wait_s(state, skill, duration_s),
         )
+
+    def _find_feeder_wait_s(self, state: State, skill: Skill, duration_s: float) -> float:
+        """Return the part of a duration in which the arm waits for a feeder [s]."""
+        waiting = skill.duration_s
+        if not isinstance(waiting, WaitingCost):
+            return 0.0
+        if self._timed:
+            return duration_s - self._compute_duration_s(state, skill)
+        return duration_s - waiting.cost.at(state)
 
     def cost(self, state: State, skill: Skill) -> float:
         """Return the cost of `skill` in `state`; back ends may be queried.

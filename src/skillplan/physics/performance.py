@@ -228,6 +228,8 @@ class PerformedSkill:
         Simulated time [s].
     acting_s
         Time that the hand acted at targets, dwells included [s], >= 0; None if not measured.
+    waited_s
+        Time that the arm waited for a part [s], >= 0.
     """
 
     skill: str
@@ -235,6 +237,7 @@ class PerformedSkill:
     begin_s: float
     end_s: float
     acting_s: float | None = None
+    waited_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

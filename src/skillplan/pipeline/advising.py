@@ -180,8 +180,8 @@ def advise(
 
 
 def share_times(task: Task, result: Result) -> TimeShares:
-    """Return the time of a plan by travel, work and tool change."""
-    travel_s = work_s = change_s = 0.0
+    """Return the time of a plan by travel, work, tool change and waiting."""
+    travel_s = work_s = change_s = wait_s = 0.0
     state = task.initial
     for step in result.steps:
         skill = task.skill(step.skill)
@@ -189,11 +189,13 @@ def share_times(task: Task, result: Result) -> TimeShares:
             change_s += step.duration_s
         else:
             visits = () if skill.motion is None else skill.motion.visits(state)
-            dwell_s = min(step.duration_s, sum(visit.acts_s for visit in visits))
+            busy_s = step.duration_s - step.wait_s
+            dwell_s = min(busy_s, sum(visit.acts_s for visit in visits))
             work_s += dwell_s
-            travel_s += step.duration_s - dwell_s
+            travel_s += busy_s - dwell_s
+            wait_s += step.wait_s
         state = skill.prediction_in(state).apply(state)
-    return TimeShares(travel_s, work_s, change_s)
+    return TimeShares(travel_s, work_s, change_s, wait_s)
 
 
 def _rank(problem: Problem, base: Result, proposals: Sequence[CellChange]) -> list[_Item]:

@@ -113,6 +113,13 @@ def solve_front(
     if not base.deterministic:
         reason = "a front is of sequences, and needs skills with one outcome each"
         return replace(ungraded, status=Status.REFUSED, reason=reason)
+    waiting = [o.task.metric for o in objectives if o.task.counts_waits]
+    if waiting and not (len(waiting) == 1 and waiting[0].is_duration):
+        reason = (
+            "parts arrive at a time ('arrives_s'), so a front is of the time and a cost that does "
+            "not contain it: --pareto time,distance"
+        )
+        return replace(ungraded, status=Status.REFUSED, reason=reason)
     begin_s = time.perf_counter()
     model = make_model(base, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked)
     with closing(model.feasibility):

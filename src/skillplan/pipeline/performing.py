@@ -13,6 +13,7 @@ from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import introduce
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import BackEndError, OptionError, PluginError, name_hint
+from skillplan.model.skill_model import Transition
 from skillplan.physics.performance import (
     MOST_PLAYED_S,
     MotionPlans,
@@ -307,11 +308,14 @@ def plan_times(
         return None
     setup = Setup(DEFAULT_PHYSICS, names, options)
     back_ends = introduce(setup.back_ends(task)) if names else []
-    model, state, durations_s = make_model(task, setup, back_ends=back_ends), task.initial, []
+    model, state = make_model(task, setup, back_ends=back_ends), task.initial
+    steps: list[Transition] = []
     for skill in skills:
-        durations_s.append(model.duration_s(state, skill))
-        state = skill.prediction_in(state).apply(state)
-    return PlannedTimes(durations_s, timed_by)
+        elapsed_s = sum(step.duration_s for step in steps)
+        steps.append(model.transition(state, skill, elapsed_s))
+        state = steps[-1].next_state
+    durations_s = [step.duration_s for step in steps]
+    return PlannedTimes(durations_s, timed_by, [step.wait_s for step in steps])
 
 
 def derive_geometric_chart(

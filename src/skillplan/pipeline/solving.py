@@ -268,7 +268,7 @@ def search(request: SearchRequest) -> SearchOutcome:
             return replace(proof, solver=solver.name, not_checked=ungraded.not_checked)
     begin_s = time.perf_counter()
     with blame_solver(type(solver)):
-        refusal = solver.refuses(model)
+        refusal = solver.find_refusal(model)
     if refusal is not None:
         return replace(ungraded, refusal=refusal)
     with closing(model.feasibility):

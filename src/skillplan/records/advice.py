@@ -14,7 +14,7 @@ _S_PER_H = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class TimeShares:
-    """Time of a plan by travel, work and tool change [s].
+    """Time of a plan by travel, work, tool change and waiting [s].
 
     Parameters
     ----------
@@ -24,16 +24,19 @@ class TimeShares:
         Dwells: grasping, placing, fetching, fastening.
     change_s
         Tool changes with their travels.
+    wait_s
+        Waits for parts that arrive, and for feeders.
     """
 
     travel_s: float
     work_s: float
     change_s: float
+    wait_s: float = 0.0
 
     @property
     def total_s(self) -> float:
         """Time of the plan [s]."""
-        return self.travel_s + self.work_s + self.change_s
+        return self.travel_s + self.work_s + self.change_s + self.wait_s
 
     @property
     def cycles_per_hour(self) -> float | None:
@@ -48,6 +51,7 @@ class TimeShares:
             "travel_s": self.travel_s,
             "work_s": self.work_s,
             "change_s": self.change_s,
+            "wait_s": self.wait_s,
         }
 
 

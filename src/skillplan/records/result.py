@@ -295,6 +295,7 @@ def make_step_document(step: Step) -> dict[str, Any]:
         "cost": step.cost,
         "duration_s": step.duration_s,
         **({} if step.way is None else {"way": step.way}),
+        **({} if not step.wait_s else {"wait_s": step.wait_s}),
     }
 
 

@@ -34,6 +34,7 @@ class AutoSolver(Solver):
 
     name = "auto"
     polls = True
+    counts_waits = True
 
     class Options(back_end.Options):
         """No options: name a solver to set its options."""
@@ -48,6 +49,10 @@ class AutoSolver(Solver):
             if refusal is not None:
                 return self._beyond_tables(model, seed, refusal)
             return self._by(chosen, model, seed, "value-iteration, as skills may fail by chance")
+        if model.task.counts_waits:
+            return self._by(
+                ExactSolver(stop=self.stop), model, seed, "exact, as parts arrive at a time"
+            )
         # With many interchangeable parts, jobs without names are proved much sooner.
         pooled = max((len(pool.places) for pool in model.task.pools), default=0)
         small = len(model.task.operations) <= _SMALL and pooled <= _SMALL_POOL

@@ -38,6 +38,8 @@ class Solver(ABC):
     polls
         True if it polls its stop. Under a limit of time or memory a solver that does not is run in
         a process of its own, which can be ended.
+    counts_waits
+        True if it adds up the time of a plan, from which the waits for arriving parts follow.
     seeded
         True if its solution depends on the seed. Runs of a solver without are no samples.
     jobs
@@ -51,6 +53,7 @@ class Solver(ABC):
     stage: ClassVar[str | None] = None
     polls: ClassVar[bool] = False
     seeded: ClassVar[bool] = True
+    counts_waits: ClassVar[bool] = False
     jobs: int = 1
     make_executor: MakeExecutor | None = None
 
@@ -66,6 +69,15 @@ class Solver(ABC):
     def refuses(self, model: SkillModel) -> str | None:
         """Return the reason why this solver cannot serve the model; None if it can."""
         return None
+
+    def find_refusal(self, model: SkillModel) -> str | None:
+        """Return the reason of `refuses`, or that the solver cannot count waits."""
+        if model.task.counts_waits and not self.counts_waits:
+            return (
+                "parts arrive at a time ('arrives_s'), and how long the arm waits for them depends "
+                "on more than the state; take exact, or cost: distance"
+            )
+        return self.refuses(model)
 
     @abstractmethod
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:

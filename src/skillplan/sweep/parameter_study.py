@@ -161,7 +161,7 @@ def _plan_common(
     """Return the job of the runs, and the fields that all plans share."""
     job = StudyJob(set_starts(task, list(starts)), solver, replace(setup, options=fixed), warm)
     first = next(iter(job.tasks.values()))
-    refusal = make_solver(solver, fixed.get(solver, {})).refuses(make_model(first, job.setup))
+    refusal = make_solver(solver, fixed.get(solver, {})).find_refusal(make_model(first, job.setup))
     if refusal is not None:
         raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
     return job, {

@@ -89,6 +89,31 @@ class Way:
     motion: Motion
 
 
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """When the part of a pick is there.
+
+    Parameters
+    ----------
+    place
+        Place that the part is taken from; parts of one feeder share it.
+    arrives_s
+        Earliest begin of the pick after the begin of the plan [s], >= 0.
+    cycle_s
+        Least time between the ends of two picks from the place [s], >= 0.
+    """
+
+    place: str
+    arrives_s: float = 0.0
+    cycle_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("arrives_s", "cycle_s"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"Supply {name} must be finite and >= 0, not {value}.")
+
+
 @dataclass(frozen=True)
 class Skill:
     """A grounded robot skill: an action of the transition model.
@@ -120,6 +145,8 @@ class Skill:
     ways
         Alternative motions, the preferred first; `motion` is that of the first. Back ends check
         them one by one.
+    supply
+        When the part that it takes is there; None if it is there from the start.
     """
 
     name: str
@@ -133,6 +160,7 @@ class Skill:
     parameters: Mapping[str, str] = field(default_factory=dict, hash=False)
     cases: tuple[Case, ...] = field(default=(), hash=False)
     ways: tuple[Way, ...] = field(default=(), hash=False)
+    supply: Supply | None = None
     _cases: Mapping[int, Case] = field(init=False, repr=False, compare=False)
     _conditions: dict[int, Condition] = field(init=False, repr=False, compare=False)
     _selectors: int = field(init=False, repr=False, compare=False)
@@ -171,6 +199,10 @@ class Skill:
     def by(self, way: Way) -> Skill:
         """Return the skill with one of its motions, under a name of its own."""
         return replace(self, name=f"{self.name} {way.label}", motion=way.motion, ways=())
+
+    def compute_wait_s(self, elapsed_s: float) -> float:
+        """Return how long the arm waits for a part to arrive, so long after the begin [s]."""
+        return 0.0 if self.supply is None else max(0.0, self.supply.arrives_s - elapsed_s)
 
     def case(self, state: State) -> Case | None:
         """Return the case that `state` selects, or None."""
@@ -272,3 +304,23 @@ def _check_probabilities(owner: str, outcomes: tuple[Outcome, ...]) -> None:
     total = math.fsum(outcome.probability for outcome in outcomes)
     if abs(total - 1) > _TOLERANCE:
         raise ValueError(f"{owner}: outcome probabilities sum to {total}, not 1.")
+
+
+class FeederClock:
+    """The times at which feeders have presented their last part."""
+
+    def __init__(self) -> None:
+        self._last_s: dict[str, float] = {}
+
+    def present(self, skill: Skill, now_s: float) -> float:
+        """Return the time until a feeder presents the part of a skill, whose hand is above it [s].
+
+        Presented parts are a cycle apart. As equal parts are taken alike, so are the ends of picks.
+        """
+        supply = skill.supply
+        if supply is None or not supply.cycle_s:
+            return 0.0
+        last_s = self._last_s.get(supply.place, -math.inf)
+        wait_s = max(0.0, last_s + supply.cycle_s - now_s)
+        self._last_s[supply.place] = now_s + wait_s
+        return wait_s

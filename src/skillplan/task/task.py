@@ -56,6 +56,11 @@ class Metric:
         return self.is_duration or self.per_s > 0
 
     @property
+    def cost_per_s(self) -> float:
+        """Cost of a second in which nothing is done, >= 0."""
+        return 1.0 if self.is_duration else self.per_s
+
+    @property
     def heading(self) -> str:
         """The name, and the unit if it is another word."""
         return f"{self.name} [{self.unit}]" if self.unit not in ("", self.name) else self.name
@@ -246,6 +251,16 @@ class Task:
         """Return a copy with some fields changed."""
         changes = {"sha256": "", **changes}
         return dataclasses.replace(self, **changes)
+
+    @property
+    def has_arrivals(self) -> bool:
+        """True if parts arrive at a time."""
+        return any(skill.supply is not None and skill.supply.arrives_s for skill in self.skills)
+
+    @property
+    def counts_waits(self) -> bool:
+        """True if costs depend on the time since the begin, which no state has."""
+        return self.metric.cost_per_s > 0 and self.has_arrivals
 
     @property
     def deterministic(self) -> bool:

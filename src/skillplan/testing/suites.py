@@ -82,7 +82,7 @@ class SolverSuite:
     def test_it_refuses_in_words_or_not_at_all(self) -> None:
         """The refusal is a sentence."""
         model = make_model(lid_task())
-        refusal = make_solver(self.solver, self.options).refuses(model)
+        refusal = make_solver(self.solver, self.options).find_refusal(model)
         assert refusal is None or (isinstance(refusal, str) and refusal.strip())
 
 

@@ -298,7 +298,7 @@ def plan_training(
         derived={**derived, **learner.scales(layouts[0])},
     )
     back_ends = plan.setup.back_ends(layouts[0], problem.spare_back_ends)
-    refusal = plan.learner().refuses(make_model(layouts[0], plan.setup, back_ends=back_ends))
+    refusal = plan.learner().find_refusal(make_model(layouts[0], plan.setup, back_ends=back_ends))
     if refusal is not None:
         raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
     if start is None:

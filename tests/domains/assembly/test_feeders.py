@@ -1,4 +1,4 @@
-"""Feeders that need time for the next part, and that run empty."""
+"""Parts that arrive at a time, and feeders that need time for the next part or run empty."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from math import hypot
 
 import pytest
 import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from skillplan import Setup, Status, load_problem, make_model, solve
-from skillplan.errors import TaskError
+from skillplan.env import SkillEnv
+from skillplan.errors import OptionError, TaskError
 from skillplan.model import replay
 
 SPEED_M_PER_S, DWELL_S, CYCLE_S = 0.25, 0.5, 5.6
 HOME, FEEDER = (0.35, 0.0), (0.5, -0.2)
 GOALS = {"nut_1": (0.45, 0.05), "nut_2": (0.50, 0.05), "clip": (0.55, 0.1)}
 CLIP = (0.4, -0.2)
+NONE_ARRIVES = dict.fromkeys(GOALS, 0.0)
 PART = {"tool": "cup", "size_m": [0.02, 0.02, 0.01]}
 CELL = {
     "kind": "assembly",
@@ -38,6 +42,9 @@ CELL = {
 }
 
 
+BOXES = Setup(collision=("aabb",))
+
+
 @pytest.fixture
 def load(tmp_path):
     """Return the task of the cell with some keys of its feeder."""
@@ -51,14 +58,29 @@ def load(tmp_path):
     return of
 
 
-def time_of(order):
+@pytest.fixture(scope="module")
+def belt(tmp_path_factory):
+    """Return the task of the cell with changed values; its feeder has no cycle."""
+    path = tmp_path_factory.mktemp("belt") / "cell.yaml"
+    feeder = {"position_m": list(FEEDER), "height_m": 0.02}
+    path.write_text(yaml.safe_dump({**CELL, "feeders": {"nuts": feeder}}))
+
+    def of(**changes):
+        named = {key.replace("__", "."): str(value) for key, value in changes.items()}
+        return load_problem(path, changes=named).task
+
+    return of
+
+
+def time_of(order, cycle_s=CYCLE_S, arrives_s=NONE_ARRIVES):
     """Return the time of an order of the parts [s], by a clock."""
     now_s, here, last_s = 0.0, HOME, None
     for part in order:
         start = CLIP if part == "clip" else FEEDER
+        now_s = max(now_s, arrives_s[part])
         now_s += hypot(start[0] - here[0], start[1] - here[1]) / SPEED_M_PER_S + DWELL_S
         if part != "clip":
-            now_s = now_s if last_s is None else max(now_s, last_s + CYCLE_S)
+            now_s = now_s if last_s is None else max(now_s, last_s + cycle_s)
             last_s = now_s
         here = GOALS[part]
         now_s += hypot(here[0] - start[0], here[1] - start[1]) / SPEED_M_PER_S + DWELL_S
@@ -92,3 +114,57 @@ def test_a_feeder_runs_empty(load):
     with pytest.raises(TaskError, match="it holds 1, and 2 come from it"):
         load(capacity=1)
     assert load(capacity=2)
+
+
+def length_of(order):
+    """Return the path of an order of the parts [m]."""
+    length_m, here = 0.0, HOME
+    for part in order:
+        for place in (CLIP if part == "clip" else FEEDER, GOALS[part]):
+            length_m += hypot(place[0] - here[0], place[1] - here[1])
+            here = place
+    return length_m
+
+
+@settings(max_examples=6, deadline=None)
+@given(times=st.lists(st.floats(0, 25), min_size=3, max_size=3), per_m=st.floats(0, 20))
+def test_the_least_cost_contains_the_waits_for_parts_that_arrive(belt, times, per_m):
+    """Of time alone, and of time with a path: as the best order has by a clock."""
+    arrives_s = dict(zip(GOALS, times, strict=True))
+    orders = list(permutations(GOALS))
+    times_s = [time_of(order, cycle_s=0.0, arrives_s=arrives_s) for order in orders]
+    given = {"parts__nut__arrives_s": times[:2], "parts__clip__arrives_s": times[2]}
+    weights = {"unit": "ct", "per_m": per_m, "per_s": 0.5}
+    sums = [per_m * length_of(o) + 0.5 * t for o, t in zip(orders, times_s, strict=True)]
+    for cost, optimum in (("time", min(times_s)), (weights, min(sums))):
+        result = solve(belt(**given, cost=cost), setup=BOXES)
+        assert result.status is Status.OPTIMAL
+        assert result.cost == pytest.approx(optimum)
+
+
+def test_waits_do_not_change_a_path_but_the_time_of_its_plan(belt):
+    times = {"nut_1": 30.0, "nut_2": 0.0, "clip": 0.0}
+    task = belt(parts__nut__arrives_s=[30.0, 0.0], cost="distance")
+    result = solve(task, setup=BOXES)
+    assert result.cost == pytest.approx(min(map(length_of, permutations(GOALS))))
+    order = [step.skill[6:-1] for step in result.steps if step.skill.startswith("place")]
+    assert result.makespan_s == pytest.approx(time_of(order, cycle_s=0.0, arrives_s=times))
+    waits_s = {step.skill: step.wait_s for step in result.steps if step.wait_s}
+    assert waits_s.keys() == {"pick(nut_1)"}
+
+
+def test_what_cannot_count_waits_refuses_them(belt):
+    task = belt(parts__clip__arrives_s=30.0)
+    for solver in ("portfolio", "value-iteration", "exhaustive"):
+        assert "take exact" in solve(task, solver, setup=BOXES).reason
+    with pytest.raises(OptionError, match="Take cost: distance"):
+        SkillEnv(make_model(task, BOXES))
+
+
+def test_times_of_arrival_that_decide_nothing_are_faults(belt):
+    with pytest.raises(TaskError, match="grasp of 'nut_1' may fail"):
+        belt(parts__clip__arrives_s=3.0, parts__nut__grasp_failure=0.1)
+    with pytest.raises(TaskError, match="2 parts"):
+        belt(parts__nut__arrives_s=[3.0])
+    with pytest.raises(TaskError, match="has 'cycle_s'"):
+        belt(parts__nut__arrives_s=[3.0, 4.0], feeders__nuts__cycle_s=CYCLE_S)

@@ -85,9 +85,18 @@ class TrajectoryPoints:
             self._add(self._now_s + float(time_s), position, speed)
         self._now_s += float(times_s[-1])
 
+    @property
+    def now_s(self) -> float:
+        """Time since the begin of the skill [s]."""
+        return self._now_s
+
     def act(self, duration_s: float, text: str) -> None:
         """Add an action of the hand during which the arm rests."""
         self._hand.append(HandAction(_to_ns(self._now_s), text))
+        self.rest(duration_s)
+
+    def rest(self, duration_s: float) -> None:
+        """Let the arm rest [s]."""
         self._now_s += duration_s
         self._add(self._now_s, self._positions[-1], np.zeros(len(self._positions[-1])))
 

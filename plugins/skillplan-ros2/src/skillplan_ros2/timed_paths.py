@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillplan.exporters.exporter import Handover, PlannedSkill
+from skillplan.task.motion import Event
 from skillplan.task.scene import Tool
+from skillplan.task.skill import FeederClock
 from skillplan_pinocchio.arm_paths import MotionPaths, SkillPaths
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
@@ -18,7 +20,7 @@ from skillplan_pinocchio.planning.travel import Unfound
 from skillplan_pinocchio.swept import SweptDetector
 from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
-from skillplan_ros2.skill_trajectory import Array, SkillTrajectory, TrajectoryPoints
+from skillplan_ros2.skill_trajectory import NS_PER_S, Array, SkillTrajectory, TrajectoryPoints
 
 
 class NoTrajectory(Exception):
@@ -84,15 +86,18 @@ class _Timing:
         scene = handover.task.scene
         self.limits = JointLimits.of(scene.robots[0].model).scaled(fraction)
         self.slow_zones = SlowZones.of(scene, scene.robots[0])
+        self.feeders = FeederClock()
 
     def trajectory(self, planned: PlannedSkill, before: SkillTrajectory | None) -> SkillTrajectory:
         """Return the trajectory of a skill from the end of the one before."""
         begin_rad = None if before is None else before.positions_rad[-1]
         paths = self._paths(planned, begin_rad)
         points = TrajectoryPoints(paths.begin_rad)
+        end_ns = 0 if before is None else before.end_ns
+        begin_ns = end_ns + round(planned.skill.compute_wait_s(end_ns / NS_PER_S) * NS_PER_S)
         for motion in paths.motions:
-            self._move(motion, points, planned.skill.name)
-        return points.of(planned.skill.name, 0 if before is None else before.end_ns)
+            self._move(motion, points, planned, begin_ns / NS_PER_S)
+        return points.of(planned.skill.name, begin_ns)
 
     def _paths(self, planned: PlannedSkill, begin_rad: Array | None) -> SkillPaths:
         name = planned.skill.name
@@ -107,15 +112,20 @@ class _Timing:
             raise NoTrajectory(f"swept finds no path for {name}: {paths.unfound.reason}")
         return paths
 
-    def _move(self, paths: MotionPaths, points: TrajectoryPoints, name: str) -> None:
+    def _move(
+        self, paths: MotionPaths, points: TrajectoryPoints, planned: PlannedSkill, begin_s: float
+    ) -> None:
         assert not isinstance(paths.travel, Unfound)
-        visit = paths.motion.visit
+        visit, name = paths.motion.visit, planned.skill.name
+        torque = "" if visit.torque_nm is None else f" with {visit.torque_nm:g} N m"
         try:
             points.move(*self._run(paths.travel.path, paths.motion.tool))
+            if visit.event is Event.GRASP:
+                points.rest(self.feeders.present(planned.skill, begin_s + points.now_s))
             down = zip(paths.strokes.down, paths.motion.least_times_s, strict=True)
             for path, least_s in down:
                 points.move(*self._run(path, paths.motion.tool, least_s))
-            points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}")
+            points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}{torque}")
             for path in paths.strokes.up:
                 points.move(*self._run(path, paths.motion.tool_after))
         except ArithmeticError as error:

@@ -8,7 +8,7 @@ from itertools import chain, islice
 
 from skillplan.domains.assembly.alternatives import find_choice_issues, find_variant_issues
 from skillplan.domains.assembly.cost_schema import find_cost_issues
-from skillplan.domains.assembly.feeding import find_feeder_issues
+from skillplan.domains.assembly.feeding import find_arrival_issues, find_feeder_issues
 from skillplan.domains.assembly.geometry_faults import find_geometry_issues, find_shape_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.subassembly import find_subassembly_issues
@@ -45,6 +45,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
         issues += islice(find_variant_issues(config), _MAX_ISSUES)
         if not issues:
             issues += islice(find_feeder_issues(config), _MAX_ISSUES)
+            issues += islice(find_arrival_issues(config), _MAX_ISSUES)
     return issues
 
 

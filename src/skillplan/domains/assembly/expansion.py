@@ -166,6 +166,10 @@ class _Expansion:
             for key in ("start", "goal", "hole")
         }
         pockets = self._take_pockets(section, name, entry, count or 1)
+        arrivals = entry.get("arrives_s") if section == "parts" and count is not None else None
+        if isinstance(arrivals, list) and len(arrivals) != count:
+            words = f"{len(arrivals)} times for {count} parts. Give one for each, or a single one."
+            self._fault(words, section, name, "arrives_s")
         for index in range(count or 1):
             new_name = name if count is None else f"{name}_{index + 1}"
             new = {
@@ -180,6 +184,9 @@ class _Expansion:
                 if tools[1:]:
                     new["other_tools"] = tools[1:] + _as_list(new.get("other_tools", []))
                     self.sources[*here, "other_tools"] = (section, name, "tool")
+            if isinstance(arrivals, list) and index < len(arrivals):
+                new["arrives_s"] = arrivals[index]
+                self.sources[*here, "arrives_s"] = (section, name, "arrives_s", index)
             for key, pattern in places.items():
                 if pattern is None and f"{key}_pattern" in entry:
                     # The schema names what is wrong with it.

@@ -1,8 +1,9 @@
-"""Feeders that need time to present the next part, or that run empty.
+"""Feeders that need time to present the next part or run empty, and parts that arrive.
 
 The state determines the time since the last take only if the arm comes straight from the place of
 that part. So a cycle is accepted if it is over, whatever else is done in between: a longer wait
-would depend on more than the state.
+would depend on more than the state. A time of arrival needs the time since the begin of the plan,
+which solvers and replay add up.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig, choose_variant
 from skillplan.domains.assembly.schema_types import find_dwell_s
 from skillplan.domains.assembly.screw_holes import find_driving
-from skillplan.domains.assembly.vocabulary import list_place_options
+from skillplan.domains.assembly.vocabulary import list_place_options, name_start
 from skillplan.domains.assembly.works import list_work_points
 from skillplan.errors import Issue
 from skillplan.task.cost import WaitingCost, WeightedCost, compute_planar_distance
 from skillplan.task.pose import Point
-from skillplan.task.skill import Skill
+from skillplan.task.skill import Skill, Supply
 from skillplan.task.state import Facts
 
 # Keys of parts that hide from the state when the last part was taken.
@@ -51,6 +52,31 @@ def add_waits(
                 cost = replace(cost, duration_s=duration_s)
             waiting[pick.name] = replace(pick, cost=cost, duration_s=duration_s)
     return waiting
+
+
+def find_supply(config: AssemblyConfig, name: str) -> Supply | None:
+    """Return when a part is there; None if it is there from the start."""
+    part = config.parts[name]
+    feeder = None if part.feeder is None else config.feeders[part.feeder]
+    cycle_s = 0.0 if feeder is None else feeder.cycle_s or 0.0
+    if not cycle_s and not part.arrives_s:
+        return None
+    return Supply(name_start(config, name), part.arrives_s or 0.0, cycle_s)
+
+
+def find_arrival_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield times of arrival that the time since the begin of a plan does not decide."""
+    failing = next((name for name, part in config.parts.items() if part.grasp_failure), None)
+    for name, part in config.moved_parts.items():
+        here = ("parts", name, "arrives_s")
+        if part.arrives_s is None:
+            continue
+        if failing is not None:
+            words = f"the grasp of {failing!r} may fail, so the time of a plan is not known."
+            yield Issue(f"{words} Leave out 'arrives_s' or 'grasp_failure'.", here)
+        if part.feeder is not None and config.feeders[part.feeder].cycle_s is not None:
+            words = f"{part.feeder!r} has 'cycle_s', which determines when its parts are there."
+            yield Issue(f"{words} Leave one of the two out.", here)
 
 
 def find_feeder_issues(config: AssemblyConfig) -> Iterator[Issue]:

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.cost_schema import CostConfig, compute_fixed_cost, make_metric
-from skillplan.domains.assembly.feeding import add_waits
+from skillplan.domains.assembly.feeding import add_waits, find_supply
 from skillplan.domains.assembly.gripping import (
     choose_tool_kind,
     describe_candidates,
@@ -74,7 +74,7 @@ from skillplan.task.scene import (
     ToolKind,
 )
 from skillplan.task.shape import Box, Cylinder
-from skillplan.task.skill import Case, Outcome, Skill, Way
+from skillplan.task.skill import Case, Outcome, Skill, Supply, Way
 from skillplan.task.state import Condition, Facts
 from skillplan.task.task import BackEndChoice, Literal, Pool, Precedence, Task
 from skillplan.task.zone import SlowTravel
@@ -324,6 +324,7 @@ class _Grounding:
         carries: str | None = None,
         failure: float = 0.0,
         failed_at: str = "",
+        supply: Supply | None = None,
     ) -> Skill:
         """Return a skill whose cost is the path or the time from the place before.
 
@@ -336,6 +337,8 @@ class _Grounding:
         ways
             All visits, or sequences of them, with their labels if there are several to choose from,
             preferred first; or one for each fact that selects it.
+        supply
+            When the part that it takes is there; None if it is there from the start.
         failure
             Probability of a failed grasp, in [0, 1): then the arm is at `failed_at`, and nothing
             else changes.
@@ -382,6 +385,7 @@ class _Grounding:
                 Way(label, Motion(robot, self._list_routes(visits), carries))
                 for label, visits in ways
             ),
+            supply=supply,
         )
 
     def _choose_cost(
@@ -447,6 +451,7 @@ class _Grounding:
                 parameters={"part": name, "tool": part.tool},
                 failure=part.grasp_failure,
                 failed_at=f"{name}.missed" if looks and buffer is None else start,
+                supply=find_supply(config, name) if buffer is None else None,
             )
         for buffer in buffers:
             others = [
@@ -524,6 +529,7 @@ class _Grounding:
             parameters={"part": name, "tool": tool},
             failure=part.grasp_failure,
             failed_at=f"{name}.missed" if looks else start,
+            supply=find_supply(self.config, name),
         )
 
     def _build_place(

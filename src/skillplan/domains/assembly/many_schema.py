@@ -24,9 +24,13 @@ Count = Annotated[int, Field(ge=1, le=256)]
 
 
 def _keep(value: Any) -> Any:
-    """Return a value; a list of tools is written out before validation."""
+    """Return a value; lists are written out before validation."""
     return value
 
+
+_Time = Annotated[float, Field(ge=0, le=86_400)]
+ArrivalTime = Annotated[_Time, BeforeValidator(_keep, json_schema_input_type=_Time | list[_Time])]
+"""Time of arrival [s]; in a file, also a list of times for the parts of a count."""
 
 ToolName = Annotated[Name, BeforeValidator(_keep, json_schema_input_type=Name | list[Name])]
 """A tool; in a file, also a list of tools, the first of which is this."""

@@ -170,6 +170,7 @@ def list_supports(config: AssemblyConfig) -> Overview:
     for name, part in config.parts.items():
         start, goal = find_start_rests(config, name), find_goal_rests(config, name)
         before = f"in {part.feeder}" if part.feeder is not None else f"on {_format_rests(start)}"
+        before += "" if part.arrives_s is None else f", arrives after {part.arrives_s:g} s"
         before = "fixed from the start" if part.fixed else f"at the start {before}"
         if part.made_of:
             before = f"put together of {', '.join(part.made_of)}, {part.mass_kg:.3g} kg"

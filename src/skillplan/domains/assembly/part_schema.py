@@ -16,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from skillplan.domains.assembly.many_schema import Count, PatternConfig, ToolName
+from skillplan.domains.assembly.many_schema import ArrivalTime, Count, PatternConfig, ToolName
 from skillplan.domains.assembly.schema_types import (
     Angle,
     Angles,
@@ -63,13 +63,13 @@ Names = Annotated[
 _MOVED_KEYS = (
     *("tool", "grasp", "grasp_failure", "start_m", "start_on", "feeder", "start_yaw_rad"),
     *("start_rpy_rad", "insert_along", "insert_m", "durations_s", "buffers"),
-    *("other_goals", "other_tools", "optional", "interchangeable", "made_of"),
+    *("other_goals", "other_tools", "optional", "interchangeable", "made_of", "arrives_s"),
 )
 
 # Keys that the members of a sub-assembly give.
 _MEMBERS_GIVE = (
     *("size_m", "boxes", "cylinder", "meshes", "mass_kg", "start_m", "start_on", "feeder"),
-    *("start_yaw_rad", "start_rpy_rad", "start_in", "start_pattern"),
+    *("start_yaw_rad", "start_rpy_rad", "start_in", "start_pattern", "arrives_s"),
 )
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
@@ -468,6 +468,13 @@ class PartConfig(Shaped):
         "origin; instead of start_m alone",
     )
     feeder: Name | None = Field(None, description="the feeder it comes from; instead of start_m")
+    arrives_s: ArrivalTime | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="earliest begin of its pick after the begin of the plan; the arm waits where "
+        "it is, and its place is kept free before; with 'count', also a list of times, one for "
+        "each [s]; left out: it is there from the start",
+    )
     start_yaw_rad: Angle = Field(0.0, description="yaw at the start [rad]")
     start_rpy_rad: Angles | None = Field(
         None,

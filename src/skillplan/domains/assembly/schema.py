@@ -58,7 +58,7 @@ class FeederConfig(Strict):
         None,
         exclude_if=is_absent,
         description="least time between the ends of two picks from it [s]; the wait counts in "
-        "times, also of back ends, but 'simulate' and playbacks run without it; left out: none",
+        "times, also of back ends, and 'simulate' and playbacks wait; left out: none",
     )
     capacity: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
         None,

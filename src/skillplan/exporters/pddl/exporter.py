@@ -14,6 +14,7 @@ from skillplan.exporters.exporter import (
     Handover,
     Identifiers,
     get_argument,
+    note_arrivals,
     quote,
     refuse_chance,
 )
@@ -458,6 +459,11 @@ class PddlExporter(Exporter):
         refusal = refuse_chance(handover)
         if refusal:
             return refusal
+        if handover.task.counts_waits:
+            return (
+                "parts arrive at a time ('arrives_s'), and costs that contain the waits depend on "
+                "more than the state. Give cost: distance"
+            )
         try:
             self.planning_task(handover).scale  # noqa: B018
         except NoActionCosts as error:
@@ -465,9 +471,10 @@ class PddlExporter(Exporter):
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return the skills that are left out because of unknown verdicts."""
+        """Return what is left out: times of arrival, and skills with unknown verdicts."""
         left_out = self.planning_task(handover).left_out
-        return (f"never done where no verdict is known: {left_out}",) if left_out else ()
+        unknown = (f"never done where no verdict is known: {left_out}",) if left_out else ()
+        return (*unknown, *note_arrivals(handover))
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
         """Return domain and problem, and the plan if there is one."""

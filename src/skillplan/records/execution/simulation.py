@@ -108,10 +108,13 @@ class PlannedTimes:
     ----------
     timed_by
         Back ends that planned the trajectories; empty if travel is by the task's speed.
+    waits_s
+        Parts of the durations in which the arm waits for parts [s]; empty for none.
     """
 
     durations_s: Sequence[float]
     timed_by: str
+    waits_s: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,8 @@ class TimeDifference:
         Time at targets beyond the dwells [s]; None if the engine does not measure it.
     moving_s
         Travels and strokes minus the planned ones [s]; None with `acting_s`.
+    waiting_s
+        Waits for parts minus the planned ones [s].
     timed_by
         As in `PlannedTimes`.
     """
@@ -137,6 +142,7 @@ class TimeDifference:
     settling_s: float
     acting_s: float | None
     moving_s: float | None
+    waiting_s: float
     timed_by: str
 
     @property
@@ -154,6 +160,7 @@ class TimeDifference:
             "settling_s": self.settling_s,
             "acting_s": self.acting_s,
             "moving_s": self.moving_s,
+            "waiting_s": self.waiting_s,
         }
 
 
@@ -177,9 +184,10 @@ def compute_time_difference(
     acting_s = sum(acting_times) - dwells_s if len(acting_times) == len(done) else None
     settling_s = done[0].begin_s
     difference_s = done[-1].end_s - planned_s
-    moving_s = None if acting_s is None else difference_s - settling_s - acting_s
+    waiting_s = sum(entry.waited_s for entry in done) - sum(planned.waits_s[: len(done)])
+    moving_s = None if acting_s is None else difference_s - settling_s - acting_s - waiting_s
     return TimeDifference(
-        done[-1].end_s, planned_s, settling_s, acting_s, moving_s, planned.timed_by
+        done[-1].end_s, planned_s, settling_s, acting_s, moving_s, waiting_s, planned.timed_by
     )
 
 

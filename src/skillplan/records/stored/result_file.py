@@ -44,6 +44,7 @@ class StoredStep(_Stored):
     cost: float
     duration_s: float
     way: str | None = None
+    wait_s: float = 0.0
 
 
 class StoredOrigin(_Stored):

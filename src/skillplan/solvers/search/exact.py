@@ -5,6 +5,12 @@ are evaluated lazily (Dellin and Srinivasa, "A unifying formalism for shortest p
 expensive edge evaluations", 2016): a back end checks a skill only when its edge is due for
 expansion, so most edges need no check. If costs come from a back end, an edge first has a lower
 bound; with its cost it returns to the queue, and is expanded if no other label can be cheaper.
+
+If parts arrive at a time and seconds cost, a label also has the time since the begin. The arm may
+wait, so a path to a state that is no later, no costlier apart from its time, and no longer than
+another is as good in every continuation: the FIFO property of time-dependent networks (Kaufman and
+Smith, "Fastest paths in time-dependent networks for intelligent vehicle-highway systems
+application", 1993).
 """
 
 from __future__ import annotations
@@ -20,6 +26,7 @@ from pydantic import Field
 
 from skillplan.model.pooled_model import make_symmetry_key
 from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.search.arrivals import ArrivalBound
 from skillplan.solvers.search.landmark_bound import (
     LandmarkBound,
     convert_from_units,
@@ -79,6 +86,8 @@ def list_questions(
 
 # Times [us] are added below the last bit of the cost; 2 ** 40 us are twelve days.
 _TIME_BITS = 40
+# Rounding errors of the costs of paths [units].
+_ROUNDING = convert_to_units(1e-12)
 # Greatest number of open labels, next in expansion order, inspected during a check.
 _MOST_OPEN = 32
 
@@ -87,7 +96,8 @@ _MOST_OPEN = 32
 class _Label:
     """A path to a state: cost [units], number of skills, time [us] and parent.
 
-    Labels that are not `priced` have a lower bound for the cost of their last skill.
+    Labels that are not `priced` have a lower bound for the cost of their last skill. `spent` is the
+    part of the cost for the time since the begin; it is counted only if parts arrive.
     """
 
     state: State
@@ -97,6 +107,7 @@ class _Label:
     parent: _Label | None
     skill: int
     priced: bool = True
+    spent: int = 0
 
 
 class ExactSolver(Solver):
@@ -105,6 +116,7 @@ class ExactSolver(Solver):
     name = "exact"
     polls = True
     seeded = False
+    counts_waits = True
 
     class Options(back_end.Options):
         """Limits of the search."""
@@ -186,6 +198,12 @@ class _Search:
         self._toll = max(1, min(1_000, convert_to_units(1e-9) // model.step_limit))
         self._incumbent: int | None = None
         self._plan: Plan | None = None
+        self._per_s = model.task.metric.cost_per_s if model.task.counts_waits else 0.0
+        self._arrivals = ArrivalBound(model) if self._per_s else None
+        self._arrives_us = [
+            0 if skill.supply is None else round(skill.supply.arrives_s * 1e6)
+            for skill in model.task.skills
+        ]
 
     def run(self, *, bounded: bool) -> tuple[Plan | None, bool]:
         """Return the best plan, and True if it or infeasibility is proved."""
@@ -249,7 +267,12 @@ class _Search:
         cost, steps = self.bound(label.state)
         if cost < 0 or (limit is not None and label.steps + steps > limit):
             return None
-        ahead = self._weight(label.cost + cost, label.steps + steps, label.time)
+        total = label.cost + cost
+        if self._arrivals is not None:
+            paid = label if label.priced or label.parent is None else label.parent
+            ends = convert_to_units(self._per_s * self._arrivals(label.state))
+            total = max(total, paid.cost - paid.spent + ends)
+        ahead = self._weight(total, label.steps + steps, label.time)
         return None if self._incumbent is not None and ahead >= self._incumbent else ahead
 
     def _floor(self, ahead: int) -> float:
@@ -262,6 +285,14 @@ class _Search:
 
     def _dominated(self, known: Sequence[_Label], label: _Label, bounded: bool) -> bool:
         """Return True if one of a state's known labels dominates `label`."""
+        if self._arrivals is not None and self.model.task.metric.is_duration:
+            return any(k.steps <= label.steps and k.cost <= label.cost for k in known)
+        if self._arrivals is not None:
+            rest = label.cost - label.spent + _ROUNDING
+            return label.priced and any(
+                k.steps <= label.steps and k.spent <= label.spent and k.cost - k.spent <= rest
+                for k in known
+            )
         if bounded:
             return any(
                 k.steps <= label.steps and (k.cost, k.time) <= (label.cost, label.time)
@@ -286,18 +317,34 @@ class _Search:
     def _child(self, label: _Label, skill: Skill) -> _Label:
         here, action = label.state, self.model.task.action(skill)
         state = skill.prediction_in(here).apply(here)
-        time = label.time + round(skill.duration_s.at(here) * 1e6)
+        duration_s = skill.duration_s.at(here)
+        time = max(label.time, self._arrives_us[action]) + round(duration_s * 1e6)
         asks = self.model.asks_costs
         cost = self.bound.from_here(here, skill) if asks else skill.cost.at(here)
         units = label.cost + convert_to_units(cost)
-        return _Label(state, units, label.steps + 1, time, label, action, priced=not asks)
+        child = _Label(state, units, label.steps + 1, time, label, action, priced=not asks)
+        if self._arrivals is not None:
+            self._let_pass(child, skill, 0.0 if asks else duration_s)
+        return child
+
+    def _let_pass(self, label: _Label, skill: Skill, duration_s: float) -> None:
+        """Add the wait for the part of a label's last skill, and its duration [s]."""
+        assert label.parent is not None
+        before = label.parent.spent
+        elapsed_s = convert_from_units(before) / self._per_s
+        wait = convert_to_units(self._per_s * skill.compute_wait_s(elapsed_s))
+        label.cost += wait
+        label.spent = before + wait + convert_to_units(self._per_s * duration_s)
 
     def _price(self, label: _Label) -> None:
         """Replace the bound on the cost of a label's last skill by its cost."""
         if not label.priced and label.parent is not None:
             skill = self.model.task.skills[label.skill]
-            cost = self.model.cost(label.parent.state, skill)
+            state = label.parent.state
+            cost = self.model.cost(state, skill)
             label.cost = label.parent.cost + convert_to_units(cost)
+            if self._arrivals is not None:
+                self._let_pass(label, skill, self.model.duration_s(state, skill))
             label.priced = True
 
     def _feasible(

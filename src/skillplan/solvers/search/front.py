@@ -4,7 +4,8 @@ Best-first search over labels with two costs, in lexicographic order of their bo
 and Perez de la Cruz, "Multiobjective A* search with consistent heuristics", 2010). Bounds are those
 of the exact search, one for each cost. As no label ahead can dominate the label in turn, each plan
 is proved as soon as it is found, and an interrupted search leaves the front up to the first cost
-that it has reached. Feasibility and times are queried lazily, as there.
+that it has reached. Feasibility and times are queried lazily, as there. If parts arrive at a time,
+one cost is the time since the begin, from which the waits follow, and the other one contains none.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.search.arrivals import ArrivalBound
 from skillplan.solvers.search.landmark_bound import (
     LandmarkBound,
     convert_from_units,
@@ -159,6 +161,9 @@ class _Search:
         )
         # A trajectory takes longer than a geometric check, and less than an execution.
         self._prices_first = any(part.expensive for part in model.feasibility.back_ends)
+        # The cost that is the time since the begin, from which waits for parts follow.
+        self._clock = next((i for i, o in enumerate(objectives) if o.task.counts_waits), None)
+        self._arrivals = ArrivalBound(model)
         self._asks = model.times_skills and any(o.task.metric.depends_on_time for o in objectives)
 
     def run(self, *, bounded: bool) -> FrontSearch:
@@ -230,7 +235,11 @@ class _Search:
         second, _ = self.bounds[1](label.state)
         if first < 0 or second < 0 or (limit is not None and label.steps + steps > limit):
             return None
-        return label.costs[0] + first, label.costs[1] + second
+        ahead = [label.costs[0] + first, label.costs[1] + second]
+        if self._clock is not None:
+            ends = convert_to_units(self._arrivals(label.state))
+            ahead[self._clock] = max(ahead[self._clock], ends)
+        return ahead[0], ahead[1]
 
     def _child(self, label: _Label, skill: Skill) -> _Label:
         here, action = label.state, self.model.task.action(skill)
@@ -246,6 +255,7 @@ class _Search:
             costs = [bound.from_here(here, skill) for bound in self.bounds]
         else:
             costs = self._costs(here, skill, skill.duration_s.at(here))
+        self._add_wait(costs, label, skill)
         child.costs = _add(label.costs, costs)
         return child
 
@@ -254,7 +264,14 @@ class _Search:
         assert label.parent is not None
         state, skill = label.parent.state, self.model.task.skills[label.action]
         costs = self._costs(state, skill, self.model.duration_s(state, skill))
+        self._add_wait(costs, label.parent, skill)
         label.costs, label.priced = _add(label.parent.costs, costs), True
+
+    def _add_wait(self, costs: list[float], before: _Label, skill: Skill) -> None:
+        """Add the wait for the part of a skill to the cost that is the time."""
+        if self._clock is not None:
+            elapsed_s = convert_from_units(before.costs[self._clock])
+            costs[self._clock] += skill.compute_wait_s(elapsed_s)
 
     def _costs(self, state: State, skill: Skill, duration_s: float) -> list[float]:
         action = self.model.task.action(skill)

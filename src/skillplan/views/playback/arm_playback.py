@@ -260,12 +260,17 @@ class _ArmPlayback:
     def _add_parts(self) -> None:
         goals = self.scene.at(self.task.find_finished_state())
         screws = {skill.parameters.get("screw") for skill in self.task.skills}
+        arrives_s = {
+            skill.parameters.get("part"): skill.supply.arrives_s
+            for skill in self.task.skills
+            if skill.supply is not None
+        }
         for number, body in enumerate(self.scene.bodies):
             rows: Numbers | None = np.full((len(self.samples), 7), np.nan)
             assert rows is not None
             for index, sample in enumerate(self.samples):
                 pose = sample.bodies.get(body.name)
-                if pose is not None:
+                if pose is not None and sample.time_s >= arrives_s.get(body.name, 0.0):
                     rows[index] = (*pose.position, *pose.orientation)
             shapes = [self.playback.solid(shape) for shape in body.drawn_shapes]
             goal = goals.get(body.name)

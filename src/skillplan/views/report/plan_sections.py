@@ -243,7 +243,9 @@ def build_measured_section(
     )
     steps = _list_steps(document)
     planned = PlannedTimes(
-        [float(step["duration_s"]) for step in steps], str(document.get("timed_by") or "")
+        [float(step["duration_s"]) for step in steps],
+        str(document.get("timed_by") or ""),
+        [float(step.get("wait_s") or 0.0) for step in steps],
     )
     skills = [task.skill(str(step["skill"])) for step in steps]
     times = compute_time_difference(task, skills, planned, performance)

@@ -163,7 +163,9 @@ def _list_cycle(document: Mapping[str, Any], unit: str) -> list[tuple[str, objec
         ("Time of the plan [s]", seconds(total_s)),
         ("Cycles per hour", number(cycle.get("cycles_per_hour"), 4)),
     ]
-    parts = (("travel_s", "Travel"), ("work_s", "Work"), ("change_s", "Tool changes"))
+    parts = [("travel_s", "Travel"), ("work_s", "Work"), ("change_s", "Tool changes")]
+    if cycle.get("wait_s"):
+        parts.append(("wait_s", "Waits for parts"))
     for key, label in parts:
         value = cycle.get(key)
         if isinstance(value, int | float) and isinstance(total_s, int | float) and total_s > 0:

@@ -36,6 +36,8 @@ PROOF = {
 
 # Largest number of named parts, screws and tools with dwell times of their own.
 _MOST_OWNERS = 6
+# Shortest wait that is listed [s].
+_LEAST_S = 0.05
 
 
 def tabulate_plan(result: Result, task: Task) -> Table:
@@ -59,6 +61,7 @@ def tabulate_plan(result: Result, task: Task) -> Table:
             + (f", {format_number(result.makespan_s, 1)} s" if result.makespan_s else ""),
             *describe_times(result.timed_by, task.metric),
             *describe_dwells(task),
+            *describe_waits(result.steps),
         ]
     else:
         notes += bound
@@ -124,6 +127,17 @@ def describe_times(timed_by: str, metric: Metric) -> list[str]:
         "times      the task's travel_speed_m_per_s and dwell times, as no back end plans "
         "trajectories; swept does",
     ]
+
+
+def describe_waits(steps: Sequence[Step]) -> list[str]:
+    """Return a note on the times that the arm waits for parts, if any."""
+    waits = [f"{step.wait_s:.1f} s in {step.skill}" for step in steps if step.wait_s >= _LEAST_S]
+    if not waits:
+        return []
+    whole_s = sum(step.wait_s for step in steps)
+    shown = ", ".join(waits[:_MOST_OWNERS])
+    more = f" and {len(waits) - _MOST_OWNERS} more" if len(waits) > _MOST_OWNERS else ""
+    return [f"waits      {whole_s:.1f} s of the plan for parts: {shown}{more}"]
 
 
 def describe_dwells(task: Task) -> list[str]:
@@ -552,7 +566,9 @@ def describe_advice(advice: Advice) -> list[str]:
         proved = "proved" if base.gap == 0 else "not proved to be the least"
         notes.append(f"now        {cost}, {proved}, by {', '.join(base.proved_by)}")
     if shares is not None and shares.total_s:
-        parts = (("travel", shares.travel_s), ("work", shares.work_s), ("tools", shares.change_s))
+        parts = [("travel", shares.travel_s), ("work", shares.work_s), ("tools", shares.change_s)]
+        if shares.wait_s >= _LEAST_S:
+            parts.append(("waits", shares.wait_s))
         split = ", ".join(
             f"{name} {value:.1f} s ({format_percent(value / shares.total_s)})"
             for name, value in parts

@@ -269,6 +269,7 @@ def describe_difference(times: TimeDifference, pace: str) -> str:
         "until the world is at rest": times.settling_s,
         "acting beyond the dwells": times.acting_s,
         f"travels and strokes ({how})": times.moving_s,
+        "waits for parts": times.waiting_s,
     }
     reasons = [
         f"{share_s:+.1f} s {reason}"

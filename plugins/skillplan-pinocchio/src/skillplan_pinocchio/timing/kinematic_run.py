@@ -9,11 +9,16 @@ from typing import Final
 import numpy as np
 
 from skillplan.physics.linear_motions import choose_opening_m, choose_visit_grasp
-from skillplan.physics.performance import MOST_PLAYED_S, PerformedSkill, PlannedMotion, Sample
+from skillplan.physics.performance import (
+    MOST_PLAYED_S,
+    PerformedSkill,
+    PlannedMotion,
+    Sample,
+)
 from skillplan.task.motion import Event
 from skillplan.task.pose import Pose
 from skillplan.task.scene import WORLD, Robot, Tool, ToolKind
-from skillplan.task.skill import Skill
+from skillplan.task.skill import FeederClock, Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
@@ -64,6 +69,7 @@ class KinematicRun:
         # Poses of fixed bodies; the held body and its pose in the frame of the tip.
         self._poses: dict[str, Pose] = {}
         self._held: tuple[str, Pose] | None = None
+        self._feeders = FeederClock()
 
     def of(self, skills: Sequence[Skill], paths_of: PathsOf) -> PlannedMotion:
         """Return the motion of a plan from the initial state on.
@@ -87,11 +93,12 @@ class KinematicRun:
         for skill in skills:
             begin_s, self._skill = self._now_s, skill.name
             after = skill.prediction_in(state).apply(state)
+            self._await(skill, skill.compute_wait_s(begin_s))
             if skill.motion is None:
                 self._phase = "no motion of the arm"
                 self._dwell(skill.duration_s.at(state), {}, self._opening_m)
             else:
-                self._move(paths_of(skill, state, self._joints), state, after)
+                self._move(skill, paths_of(skill, state, self._joints), state, after)
             self._stand_still(after)
             verdict = Verdict.feasible(none, none)
             done.append(PerformedSkill(skill.name, verdict, begin_s, self._now_s))
@@ -110,7 +117,13 @@ class KinematicRun:
             and (placement.solid or body.name in self._poses)
         }
 
-    def _move(self, paths: SkillPaths, state: State, after: State) -> None:
+    def _await(self, skill: Skill, wait_s: float) -> None:
+        """Let the arm rest until the part of a skill is there."""
+        if wait_s:
+            self._phase = f"the wait for {skill.parameters.get('part', 'a part')}"
+            self._dwell(wait_s, {}, self._opening_m)
+
+    def _move(self, skill: Skill, paths: SkillPaths, state: State, after: State) -> None:
         """Execute the motions of a skill in order."""
         if self._joints is None:
             self._joints = np.asarray(paths.begin_rad)
@@ -124,6 +137,8 @@ class KinematicRun:
             wide_m = self._opening_for(motion)
             opens_m = wide_m if motion.motion.visit.event is Event.GRASP else self._opening_m
             self._along(motion.travel.path, opens_m, motion.motion.tool)
+            if number == 0:
+                self._await(skill, self._feeders.present(skill, self._now_s))
             self._phase = f"the approach to {subject}"
             down = zip(motion.strokes.down, motion.motion.least_times_s, strict=True)
             for path, least_s in down:

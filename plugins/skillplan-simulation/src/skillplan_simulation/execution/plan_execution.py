@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -28,7 +29,7 @@ from skillplan.physics.performance import (
 )
 from skillplan.task.motion import Point
 from skillplan.task.scene import WORLD, Pose
-from skillplan.task.skill import Skill
+from skillplan.task.skill import FeederClock, Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
 from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME
@@ -336,8 +337,11 @@ class _PlanExecution:
         self.shown = 0
         # Steps of dwells at rest, which are counted but not simulated.
         self.held = 0
+        # Steps that the arm has waited for the part of the current skill.
+        self.waited = 0
         self.skill = ""
         self.step = 0
+        self.feeders = FeederClock()
         self.camera: PaintedCamera | None = None
         if film is not None:
             view = View.about(self._extent(), observers.angle)
@@ -380,11 +384,14 @@ class _PlanExecution:
                 break
             self.skill = skill.name
             self.step += 1
-            begin_s, runner.acting_steps = self._now_s, 0
+            begin_s, runner.acting_steps, self.waited = self._now_s, 0, 0
             verdict = self._execute(skill, state)
             state = skill.prediction_in(state).apply(state)
             acting_s = runner.acting_steps / STEPS_PER_S
-            done.append(PerformedSkill(skill.name, verdict, begin_s, self._now_s, acting_s))
+            waited_s = self.waited / STEPS_PER_S
+            done.append(
+                PerformedSkill(skill.name, verdict, begin_s, self._now_s, acting_s, waited_s)
+            )
             if not verdict.is_feasible:
                 break
         return Performance(
@@ -412,13 +419,16 @@ class _PlanExecution:
             return Verdict.infeasible(str(error), facts.none, facts.none)
         if planned.unfound is not None:
             return Verdict.unknown(planned.unfound)
+        self._await(skill, skill.compute_wait_s(self._now_s))
         plain = [motion.motion for motion in planned.motions]
         runner.begin(planned.motions, state, self.workcell.guides.of(plain, state))
         # Frames of the log correspond to rows of the trace.
         begin_s = ((self.world.steps + self.held) // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:
-            for motion in planned.motions:
+            for number, motion in enumerate(planned.motions):
                 runner.travel(motion)
+                if number == 0:
+                    self._await(skill, self.feeders.present(skill, self._now_s))
                 runner.run(motion)
                 self.here_rad = motion.retreat[-1]
         except (UpsetError, np.linalg.LinAlgError) as error:
@@ -442,6 +452,15 @@ class _PlanExecution:
     @property
     def _now_s(self) -> float:
         return (self.world.steps + self.held) / STEPS_PER_S
+
+    def _await(self, skill: Skill, wait_s: float) -> None:
+        """Let the arm rest until the part of a skill is there."""
+        if wait_s:
+            self.runner.log.phase(f"the wait for {skill.parameters.get('part', 'a part')}")
+            # Whole frames keep the trace aligned with the log.
+            steps = STEPS_PER_FRAME * math.ceil(wait_s * FRAMES_PER_S)
+            self.waited += steps
+            self._dwell(steps)
 
     def _dwell(self, steps: int) -> None:
         """Let time pass with arm and parts at rest: pictures and samples repeat."""
