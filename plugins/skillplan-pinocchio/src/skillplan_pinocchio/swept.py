@@ -9,7 +9,7 @@ support.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
@@ -52,6 +52,7 @@ from skillplan_pinocchio.timing.kinematic_run import KinematicRun
 from skillplan_pinocchio.timing.skill_times import LeastTimes, SkillTimes
 from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_pinocchio.timing.trajectory import JointLimits
+from skillplan_pinocchio.turning import Turns
 
 # Number of postures in which a travel is drawn.
 _PICTURES = 13
@@ -301,7 +302,7 @@ class SweptDetector(Detector):
     def check(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on the motion of `skill`; see :meth:`BackEnd.check`."""
         facts = self.task.facts
-        if skill.motion is None:
+        if skill.motion is None and "holder" not in skill.parameters:
             return Verdict.feasible(facts.none, facts.none)
         present, absent = self._circumstances(skill, state)
         key = (skill.name, present)
@@ -376,6 +377,10 @@ class SweptDetector(Detector):
         )
 
     @cached_property
+    def _turns(self) -> Turns:
+        return Turns(self.task.scene, self.paths.planner, self.paths.sweeps)
+
+    @cached_property
     def _times(self) -> SkillTimes:
         fraction = self.options.speed_fraction
         limits = JointLimits.of(self._robot.model).scaled(fraction)
@@ -391,9 +396,12 @@ class SweptDetector(Detector):
 
         First the facts that hold, then the others.
         """
-        assert skill.motion is not None
         facts, robot = self.task.facts, self._robot
         present = absent = 0
+        if skill.motion is None:
+            # A holder is with the product, in one of its orientations.
+            placement = self.task.scene.body(skill.parameters["part"]).placement(state)
+            return 0 if placement is None else facts.bit(placement.fact), 0
         tool = robot.tool(state)
         if tool is not None:
             present |= facts.bit(tool.fact)
@@ -413,4 +421,17 @@ class SweptDetector(Detector):
         words = words or describe_no_hold(self.task.scene, self._robot, skill)
         if words is not None:
             return SweptMotion((Collision(None, words, {}),), ())
-        return self._builder.build(self.paths.motions(skill, state))
+        if skill.motion is None:
+            part, holder = skill.parameters["part"], skill.parameters["holder"]
+            if skill.kind == "release":
+                return self._turns.release(self._builder, holder, part, state)
+            return SweptMotion(tuple(self._turns.close(holder, part)), ())
+        motions = self.paths.motions(skill, state)
+        swept = self._builder.build(motions)
+        turns = tuple(
+            collision
+            for motion in motions
+            if motion.motion.visit.event is Event.TURN
+            for collision in self._turns.turn(motion, state)
+        )
+        return replace(swept, events=(*swept.events, *turns)) if turns else swept

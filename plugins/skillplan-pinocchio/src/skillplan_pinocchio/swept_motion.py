@@ -205,6 +205,8 @@ class SweptMotionBuilder:
                 for obstacle in obstacles
             )
         supports = find_supports(body.name, pieces, obstacles, self.planner.tolerance_m)
+        if visit.event is Event.RELEASE and self.scene.holders:
+            supports = replace(supports, holders=tuple(self.list_holding(body.name)))
         if not visit.is_fitted:
             return supports
         holding = {fit.into for fit in body.fits if fit.holds}
@@ -214,7 +216,15 @@ class SweptMotionBuilder:
             if obstacle.body in holding
             and any(may_touch(own, other, -_REACH_M) for own in pieces for other in obstacle.pieces)
         ]
-        return replace(supports, holders=tuple(holders))
+        return replace(supports, holders=(*supports.holders, *holders))
+
+    def list_holding(self, part: str) -> list[tuple[str, str | None]]:
+        """Return the holders of a part, each with the fact that it holds it."""
+        return [
+            (holder.name, holder.facts[part])
+            for holder in self.scene.holders
+            if part in holder.facts
+        ]
 
     def _stopped_by(self, motion: LinearMotion) -> tuple[str, ...]:
         """Return the partners of fits of a released part whose insertion a face must end."""

@@ -1,0 +1,249 @@
+"""Turns of the product and closing jaws: collisions with all that stays, in any state.
+
+A turning body advances by the distance to an obstacle divided by the speed of its fastest point,
+so it cannot pass an obstacle between two measurements.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import coal
+import numpy as np
+
+from skillplan.task.pose import Pose
+from skillplan.task.scene import Body, Scene, Workholder
+from skillplan.task.state import AND, State
+from skillplan_pinocchio.hand_sweeps import HandSweeps
+from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
+from skillplan_pinocchio.shapes import (
+    ConvexPiece,
+    Obstacle,
+    make_pieces,
+    make_shank_pieces,
+    make_standing_pieces,
+    measure_geometry_distance,
+)
+from skillplan_pinocchio.support import find_supports
+from skillplan_pinocchio.sweep import Touch
+from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder
+
+# Least advance of the fastest point between two measurements [m].
+_LEAST_STEP_M = 1e-4
+_STILL = coal.Transform3s()
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A rigid geometry that does not turn.
+
+    Parameters
+    ----------
+    name
+        Name of the body, link or tool, in words.
+    fact
+        Fact that holds while it is there; None for a permanent one.
+    """
+
+    name: str
+    fact: str | None
+    geometries: tuple[tuple[Any, Any], ...]
+
+
+@dataclass(frozen=True)
+class Turning:
+    """A rigid motion of the product.
+
+    Parameters
+    ----------
+    begin, end
+        Facts of the orientations; equal for bodies that stand.
+    """
+
+    workholder: Workholder
+    begin: str
+    end: str
+
+    def at(self, share: float) -> Any:
+        """Return the motion over a share of the turn for coal."""
+        pose = self.workholder.turn(self.begin, self.end, share)
+        return coal.Transform3s(np.array(pose.rotation), np.array(pose.position))
+
+    def measure_speed_m(self, piece: ConvexPiece) -> float:
+        """Return the path of the fastest point of a piece over the turn, at most [m]."""
+        half = self.workholder.turn(self.begin, self.end, 0.5)
+        whole = self.workholder.turn(self.begin, self.end, 1.0)
+        x, y, z, w = half.orientation
+        angle_rad = 4 * math.atan2(math.hypot(x, y, z), abs(w))
+        start = np.array(self.workholder.orientations[self.begin].apply(self.workholder.pivot))
+        x_m, y_m, z_m = start.tolist()
+        shift_m = math.dist(whole.apply((x_m, y_m, z_m)), (x_m, y_m, z_m))
+        if angle_rad == 0.0:
+            return shift_m
+        axis = np.array([x, y, z]) / math.hypot(x, y, z)
+        away = np.linalg.norm(np.cross(piece.corners - start, axis), axis=1)
+        return angle_rad * float(away.max()) + shift_m
+
+    def find_touch(
+        self, piece: ConvexPiece, other: Any, other_at: Any, tolerance_m: float
+    ) -> Touch | None:
+        """Return the first contact of a piece that turns with a geometry, or None."""
+        speed_m = self.measure_speed_m(piece)
+        share = 0.0
+        while True:
+            near = measure_geometry_distance(piece.hull, self.at(share), other, other_at)
+            if near.distance_m < -tolerance_m:
+                return Touch(share, near.position, round(-near.distance_m, 6))
+            if share >= 1.0 or speed_m == 0.0:
+                return None
+            step_m = max(near.distance_m + tolerance_m, _LEAST_STEP_M)
+            share = min(1.0, share + step_m / speed_m)
+
+
+class Turns:
+    """Swept motions of turns, of closing jaws, and of releases, for verdicts in any state."""
+
+    def __init__(self, scene: Scene, planner: MotionPlanner, sweeps: HandSweeps) -> None:
+        self.scene = scene
+        self.planner = planner
+        self.sweeps = sweeps
+
+    def turn(self, motion: ArmMotion, state: State) -> tuple[Collision, ...]:
+        """Return the collisions of a turn from the orientation in a state.
+
+        Parameters
+        ----------
+        motion
+            Motion of the arm to where it waits.
+        """
+        subject = motion.motion.visit.subject
+        workholder = self.scene.find_workholder(subject)
+        begin = workholder.find_orientation(state)
+        turning = Turning(workholder, begin, f"turned({subject})")
+        standing = [*self._list_standing(workholder), *self._list_arm(motion)]
+        collisions = [
+            collision
+            for body, fact, pieces in self._list_turning(begin)
+            for other in standing
+            if other.name != body.name
+            for collision in self._meet(turning, body.name, fact, pieces, other, "the turn")
+        ]
+        return tuple(sorted(collisions, key=lambda item: float(item.evidence["fraction"])))
+
+    def close(self, holder: str, part: str) -> Iterator[Collision]:
+        """Yield the collisions of the jaws of a holder that closes on a part."""
+        closed = next(item for item in self.scene.holders if item.name == holder).facts[part]
+        still = Turning(Workholder("", (0.0, 0.0, 0.0), {"": Pose((0.0, 0.0, 0.0))}), "", "")
+        for body, fact, pieces in self._list_turning(closed):
+            terms = fact.split(AND)
+            for obstacle in self.planner.obstacles:
+                if obstacle.body == body.name or obstacle.zone is not None:
+                    continue
+                # Jaws are not there before they close.
+                around = AND.join(term for term in terms if term != closed)
+                other = _make_standing(obstacle)
+                yield from self._meet(still, body.name, around, pieces, other, "closing")
+
+    def release(
+        self, builder: SweptMotionBuilder, holder: str, part: str, state: State
+    ) -> SweptMotion:
+        """Return the supports of a part that a holder lets go of, in its orientation."""
+        opened = next(item for item in self.scene.holders if item.name == holder).facts[part]
+        body = self.scene.body(part)
+        placement = body.placement(state)
+        if placement is None or not builder.check_support or not _is_built_in(placement.fact):
+            # A holder that waits for its part lets go of nothing.
+            return SweptMotion((), ())
+        obstacles = [
+            obstacle
+            for obstacle in self.planner.obstacles
+            if obstacle.zone is None and opened not in (obstacle.fact or "").split(AND)
+        ]
+        pieces = make_standing_pieces(body, placement.pose)
+        supports = find_supports(part, pieces, obstacles, self.planner.tolerance_m)
+        holding = [
+            *((name, fact) for name, fact in builder.list_holding(part) if fact != opened),
+            *((fit.into, None) for fit in body.fits if fit.holds),
+            *(
+                (screw.name, own.fact)
+                for screw in self.scene.bodies
+                if part in screw.joins and len(screw.joins) > 1
+                for own in screw.placements
+            ),
+        ]
+        return SweptMotion((), (replace(supports, holders=tuple(holding)),))
+
+    def _list_turning(self, fact: str) -> Iterator[tuple[Body, str, tuple[ConvexPiece, ...]]]:
+        """Yield the bodies at the places that a fact is a term of."""
+        for body in self.scene.bodies:
+            for placement in body.placements:
+                if fact in placement.fact.split(AND):
+                    pieces = make_pieces(body, placement.pose)
+                    shank = make_shank_pieces(body, placement.pose)
+                    yield body, placement.fact, (*pieces, *shank)
+
+    def _list_standing(self, workholder: Workholder) -> Iterator[Standing]:
+        """Yield the obstacles that do not turn with a workholder."""
+        for obstacle in self.planner.obstacles:
+            terms = set((obstacle.fact or "").split(AND))
+            if obstacle.stops(load=True) and not terms & workholder.orientations.keys():
+                yield _make_standing(obstacle)
+
+    def _list_arm(self, motion: ArmMotion) -> Iterator[Standing]:
+        """Yield the links of the arm where it waits, and what is on it."""
+        for name, pieces in self.sweeps.held(motion.motion, motion.motion.above):
+            yield Standing(name, None, tuple((piece.hull, _STILL) for piece in pieces))
+        if not self.planner.check_arm or not motion.elbows:
+            return
+        arm = self.planner.arm
+        rotations, origins = arm.frames([motion.elbows[0].strokes.end])
+        for piece in arm.pieces:
+            joint = coal.Transform3s(rotations[0, piece.link - 1], origins[0, piece.link - 1])
+            own = coal.Transform3s(piece.frame.rotation, piece.frame.translation)
+            yield Standing(f"link {piece.link} of the arm", None, ((piece.geometry, joint * own),))
+
+    def _meet(
+        self,
+        turning: Turning,
+        name: str,
+        fact: str,
+        pieces: Sequence[ConvexPiece],
+        other: Standing,
+        during: str,
+    ) -> Iterator[Collision]:
+        """Yield the first collision of a body with a standing one, if there is any."""
+        touches = [
+            touch
+            for piece in pieces
+            for geometry, at in other.geometries
+            if (touch := turning.find_touch(piece, geometry, at, self.planner.tolerance_m))
+        ]
+        if not touches:
+            return
+        touch = min(touches, key=lambda item: item.fraction)
+        facts = [term for term in (fact, other.fact) if term]
+        yield Collision(
+            AND.join(facts) or None,
+            f"{name} runs into {other.name} on {during}",
+            {
+                "moving": name,
+                "bodies": [other.name],
+                "during": during,
+                "position_m": list(touch.position),
+                "fraction": touch.fraction,
+                "penetration_m": touch.penetration_m,
+            },
+        )
+
+
+def _make_standing(obstacle: Obstacle) -> Standing:
+    geometries = tuple((piece.hull, _STILL) for piece in obstacle.pieces)
+    return Standing(obstacle.body, obstacle.fact, geometries)
+
+
+def _is_built_in(fact: str) -> bool:
+    """Return True for the fact that a part is at a goal."""
+    return fact.startswith(("placed(", "at_goal("))
