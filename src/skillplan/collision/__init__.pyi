@@ -18,6 +18,14 @@ from .precedence import PrecedenceDetector as PrecedenceDetector
 from .solid import TOUCH_M as TOUCH_M
 from .solid import Solid as Solid
 from .solid import measure_union as measure_union
+from .standing import LeastHolds as LeastHolds
+from .standing import Standing as Standing
+from .standing import Touch as Touch
+from .standing import Weight as Weight
+from .standing import decide_standing as decide_standing
+from .standing import find_least_holds as find_least_holds
+from .standing import find_touches as find_touches
+from .standing import weigh as weigh
 from .surface import make_polyhedron as make_polyhedron
 from .surface import measure_deepest as measure_deepest
 from .surface import measure_depths as measure_depths
@@ -31,13 +39,20 @@ __all__ = [
     "HullDetector",
     "HullRole",
     "HullScene",
+    "LeastHolds",
     "NoPieces",
     "PrecedenceDetector",
     "Solid",
+    "Standing",
+    "Touch",
+    "Weight",
     "WorldBox",
     "centroid",
     "contact_area",
+    "decide_standing",
     "decompose",
+    "find_least_holds",
+    "find_touches",
     "list_links",
     "make_polyhedron",
     "measure_deepest",
@@ -46,6 +61,7 @@ __all__ = [
     "measure_union",
     "stays_balanced",
     "sweep_hits",
+    "weigh",
     "world_box",
     "world_boxes",
 ]

@@ -1,4 +1,4 @@
-"""Contact forces: whether pushes and friction keep a body in place, by linear programs.
+"""Contacts, and whether their pushes and friction keep a body in place, by linear programs.
 
 A released body stays if forces at its contacts balance its weight, and a small sideways push in any
 direction (Mason: Mechanics of Robotic Manipulation, chapter 5). Forces push only. Faces that bear
@@ -8,7 +8,8 @@ preload that geometry does not state, so a pin that nothing bears falls through 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import highspy
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Column = Sequence[tuple[int, float]]
+Surface = tuple[Array, NDArray[np.int64]]
+"""Corners [m], and triangles as three indices each, anticlockwise from outside."""
 
 FRICTION = 0.3
 """Coefficient of friction between parts [-]."""
@@ -31,6 +34,14 @@ _SETTLED = highspy.HighsModelStatus.kOptimal
 _PUSH = 0.02  # sideways push, as a share of the weight
 _HELP = 2e-3  # share of the weight that the program may miss
 _MOST_POINTS = 12
+# Points on each edge, and on all edges, at which two surfaces may touch.
+_PER_EDGE, _MOST_SAMPLES = 3, 600
+# Largest cosine between an edge that lies on a face and the normal of the face.
+_PARALLEL = 0.05
+# Largest cosine between the normals of two surfaces that touch.
+_AWAY = 0.5
+# Largest number of pairs of points and faces in one array.
+_MOST_PAIRS = 20_000
 
 
 def minimize_help(columns: Sequence[Column], loads: Array, scale: Array) -> Array | None:
@@ -124,15 +135,15 @@ def _span_forces(offsets_m: Array, normals: Array, up: Array) -> Array:
     return np.hstack([force, np.cross(point, force)])
 
 
-def select_spread(points_m: Array, normals: Array) -> list[int]:
+def select_spread(points_m: Array, normals: Array, most: int = _MOST_POINTS) -> list[int]:
     """Return the numbers of a few contacts that are far apart, or push in other directions."""
-    if len(points_m) <= _MOST_POINTS:
+    if len(points_m) <= most:
         return list(range(len(points_m)))
     extent = max(float(np.ptp(points_m, axis=0).max()), 1e-9)
     keys = np.hstack([points_m / extent, normals])
     chosen = [int(np.argmax(np.linalg.norm(keys - keys.mean(axis=0), axis=1)))]
     gaps = np.linalg.norm(keys - keys[chosen[0]], axis=1)
-    while len(chosen) < _MOST_POINTS:
+    while len(chosen) < most:
         chosen.append(int(np.argmax(gaps)))
         gaps = np.minimum(gaps, np.linalg.norm(keys - keys[chosen[-1]], axis=1))
     return sorted(set(chosen))
@@ -146,3 +157,116 @@ def find_axes_across(up: Vector) -> Array:
     first = np.cross(along, smallest)
     first = first / np.linalg.norm(first)
     return np.stack([first, np.cross(along, first)])
+
+
+def collect_pushes(
+    pairs: Iterable[tuple[Surface, Surface, Array, Array]],
+    tolerance_m: float,
+    most: int = _MOST_POINTS,
+) -> tuple[Array, Array]:
+    """Return a few points at which the second surfaces push the first ones, far from each other.
+
+    Parameters
+    ----------
+    pairs
+        Two surfaces each, and the corners of the box in which both may touch [m].
+    most
+        Largest number of points.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Points [m], and unit vectors of the pushes, shape (points, 3) each.
+    """
+    points: list[Array] = []
+    normals: list[Array] = []
+    for first, second, low, high in pairs:
+        for body, face, sign in ((first, second, 1.0), (second, first, -1.0)):
+            there, normal = _find_touching(body, face, low, high, tolerance_m)
+            points.append(there)
+            normals.append(sign * normal)
+    if not points:
+        return np.empty((0, 3)), np.empty((0, 3))
+    everywhere, directions = np.concatenate(points), np.concatenate(normals)
+    chosen = select_spread(everywhere, directions, most)
+    return everywhere[chosen], directions[chosen]
+
+
+def _find_touching(
+    body: Surface, face: Surface, low: Array, high: Array, tolerance_m: float
+) -> tuple[Array, Array]:
+    """Return points on edges of a body that lie on faces of another, and the faces' normals."""
+    points, along, outward = _sample_edges(body, low, high)
+    corners, triangles = face
+    places = corners[triangles]
+    near = (places.max(axis=1) >= low).all(axis=1) & (places.min(axis=1) <= high).all(axis=1)
+    places = places[near]
+    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    places, normals = places[lengths > 0], normals[lengths > 0] / lengths[lengths > 0, None]
+    if not len(points) or not len(places):
+        return np.empty((0, 3)), np.empty((0, 3))
+    inwards = np.cross(normals[:, None], np.roll(places, -1, axis=1) - places)
+    inwards /= np.maximum(np.linalg.norm(inwards, axis=2), 1e-30)[..., None]
+    there: list[Array] = []
+    pushed: list[Array] = []
+    step = max(1, _MOST_PAIRS // len(places))
+    for first in range(0, len(points), step):
+        some, directions = points[first : first + step], along[first : first + step]
+        offsets = some[:, None, None] - places
+        heights = np.einsum("pfi,fi->pf", offsets[:, :, 0], normals)
+        beside = np.einsum("pfki,fki->pfk", offsets, inwards)
+        # An edge that passes through a face does not touch it.
+        over = (np.abs(heights) <= tolerance_m) & (beside >= -tolerance_m).all(axis=2)
+        over &= np.abs(directions @ normals.T) < _PARALLEL
+        # A face pushes only what lies before it, such as the foot of a pin, not the wall above it.
+        over &= outward[first : first + step] @ normals.T < _AWAY
+        touching = over.any(axis=1)
+        nearest = np.where(over, np.abs(heights), np.inf)[touching].argmin(axis=1)
+        there.append(some[touching])
+        pushed.append(normals[nearest])
+    return np.concatenate(there), np.concatenate(pushed)
+
+
+def _sample_edges(body: Surface, low: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Return points on the edges of a surface within a box, directions and outward normals.
+
+    Directions are unit vectors along the edges, zero for corners.
+    """
+    corners, triangles = body
+    places = corners[triangles]
+    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    sides, edge_of = np.unique(sides, axis=0, return_inverse=True)
+    outward = _sum_normals(edge_of.reshape(-1), np.repeat(normals, 3, axis=0), len(sides))
+    start, along = corners[sides[:, 0]], corners[sides[:, 1]] - corners[sides[:, 0]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bounds = np.stack([(low - start) / along, (high - start) / along])
+    still = np.abs(along) < 1e-12
+    inside = (start >= low) & (start <= high)
+    first = np.where(still, np.where(inside, 0.0, np.inf), bounds.min(axis=0)).max(axis=1)
+    last = np.where(still, np.where(inside, 1.0, -np.inf), bounds.max(axis=0)).min(axis=1)
+    first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
+    crosses = first <= last
+    start, along, first, last = start[crosses], along[crosses], first[crosses], last[crosses]
+    shares = first[:, None] + np.linspace(0.0, 1.0, _PER_EDGE) * (last - first)[:, None]
+    inner = (start[:, None] + shares[..., None] * along[:, None]).reshape(-1, 3)
+    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-30)
+    boxed = ((corners >= low) & (corners <= high)).all(axis=1)
+    ends = corners[boxed]
+    at_ends = _sum_normals(triangles.reshape(-1), np.repeat(normals, 3, axis=0), len(corners))
+    points = np.concatenate([ends, inner])
+    directions = np.repeat(along / lengths[:, None], _PER_EDGE, axis=0)
+    directions = np.concatenate([np.zeros_like(ends), directions])
+    outward = np.concatenate([at_ends[boxed], np.repeat(outward[crosses], _PER_EDGE, axis=0)])
+    _, first_of = np.unique(np.round(points, 7), axis=0, return_index=True)
+    step = max(1, math.ceil(len(first_of) / _MOST_SAMPLES))
+    chosen = first_of[::step]
+    return points[chosen], directions[chosen], outward[chosen]
+
+
+def _sum_normals(numbers: NDArray[np.int64], normals: Array, count: int) -> Array:
+    """Return the unit vectors of the sums of normals with the same number."""
+    sums = np.stack([np.bincount(numbers, column, count) for column in normals.T], axis=1)
+    return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1), 1e-30)[:, None])

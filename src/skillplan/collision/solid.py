@@ -220,20 +220,19 @@ def make_prism(shape: Shape, pose: Pose) -> Prism | None:
 _ROUNDING_M = 1e-9
 
 
-def find_centre(shapes: Sequence[Shape], pose: Pose) -> Planar:
-    """Return the centre of volume of shapes at a pose, seen from above [m].
+def find_centre(shapes: Sequence[Shape], pose: Pose) -> Point:
+    """Return the centre of volume of shapes at a pose [m].
 
     Overlaps of shapes count several times.
     """
     measured = [_measure_volume(shape) for shape in shapes]
     total = sum(volume for volume, _ in measured)
     x, y, z = (sum(volume * at[i] for volume, at in measured) / total for i in range(3))
-    placed = pose.apply((x, y, z))
-    return placed[0], placed[1]
+    return pose.apply((x, y, z))
 
 
-def is_supported(centre: Planar, corners: Iterable[Planar]) -> bool:
-    """Return True if a point lies within the convex hull of other points."""
+def is_supported(centre: Sequence[float], corners: Iterable[Planar]) -> bool:
+    """Return True if a point lies within the convex hull of other points, seen from above."""
     angles = []
     for x, y in corners:
         dx, dy = x - centre[0], y - centre[1]

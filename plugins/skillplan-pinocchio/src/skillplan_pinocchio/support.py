@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.collision.contact_forces import BEARS, select_spread, stays_balanced
+from skillplan.collision.contact_forces import BEARS, collect_pushes, stays_balanced
 from skillplan.task.motion import Point
 from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, SurfacePiece, may_touch
 
@@ -23,10 +22,6 @@ _ROUNDING_M = 1e-9
 # Maximum slope of a level face [-].
 _LEVEL = 1e-3
 _UP = (0.0, 0.0, 1.0)
-# Points on each edge, and on all edges, at which two surfaces may touch.
-_PER_EDGE, _MOST_SAMPLES = 3, 600
-# Largest cosine between an edge that lies on a face and the normal of the face.
-_PARALLEL = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,91 +160,20 @@ def _find_pushes(
     pieces: Sequence[ConvexPiece], others: Sequence[ConvexPiece], tolerance_m: float
 ) -> list[tuple[Point, Point]]:
     """Return a few points at which others push some pieces, with the unit vectors of the pushes."""
-    points: list[Array] = []
-    normals: list[Array] = []
-    for piece in pieces:
-        for other in others:
-            if not may_touch(piece, other, -2 * tolerance_m):
-                continue
-            low = np.maximum(piece.low, other.low) - tolerance_m
-            high = np.minimum(piece.high, other.high) + tolerance_m
-            for body, face, sign in ((piece, other, 1.0), (other, piece, -1.0)):
-                there, normal = _find_touching(body, face, low, high, tolerance_m)
-                points.append(there)
-                normals.append(sign * normal)
-    if not points:
-        return []
-    everywhere, directions = np.concatenate(points), np.concatenate(normals)
-    chosen = select_spread(everywhere, directions)
-    pairs = zip(everywhere[chosen].tolist(), directions[chosen].tolist(), strict=True)
-    return [((a[0], a[1], a[2]), (b[0], b[1], b[2])) for a, b in pairs]
-
-
-def _find_touching(
-    body: ConvexPiece, face: ConvexPiece, low: Array, high: Array, tolerance_m: float
-) -> tuple[Array, Array]:
-    """Return points on edges of a body that lie on faces of another, and the faces' normals.
-
-    Parameters
-    ----------
-    low, high
-        Corners of the box in which both may touch [m].
-    """
-    points, along = _sample_edges(body, low, high)
-    corners, triangles = face.surface
-    places = corners[triangles]
-    near = (places.max(axis=1) >= low).all(axis=1) & (places.min(axis=1) <= high).all(axis=1)
-    places = places[near]
-    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    places, normals = places[lengths > 0], normals[lengths > 0] / lengths[lengths > 0, None]
-    there: list[Array] = []
-    pushed: list[Array] = []
-    for point, direction in zip(points, along, strict=True):
-        heights = np.einsum("ij,ij->i", point - places[:, 0], normals)
-        # An edge that passes through a face does not touch it.
-        tests = [np.abs(heights) <= tolerance_m, np.abs(normals @ direction) < _PARALLEL]
-        for k in range(3):
-            side = places[:, (k + 1) % 3] - places[:, k]
-            inwards: Array = np.cross(normals, side)
-            widths = np.maximum(np.linalg.norm(inwards, axis=1), 1e-30)
-            beside = np.einsum("ij,ij->i", point - places[:, k], inwards) / widths
-            tests.append(beside >= -tolerance_m)
-        over = np.logical_and.reduce(tests)
-        if over.any():
-            number = int(np.argmin(np.where(over, np.abs(heights), np.inf)))
-            there.append(point)
-            pushed.append(normals[number])
-    return np.array(there).reshape(-1, 3), np.array(pushed).reshape(-1, 3)
-
-
-def _sample_edges(body: ConvexPiece, low: Array, high: Array) -> tuple[Array, Array]:
-    """Return points on the edges of a surface within a box, and directions; corners have none."""
-    corners, triangles = body.surface
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    sides = np.unique(sides, axis=0)
-    start, along = corners[sides[:, 0]], corners[sides[:, 1]] - corners[sides[:, 0]]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        bounds = np.stack([(low - start) / along, (high - start) / along])
-    still = np.abs(along) < 1e-12
-    inside = (start >= low) & (start <= high)
-    first = np.where(still, np.where(inside, 0.0, np.inf), bounds.min(axis=0)).max(axis=1)
-    last = np.where(still, np.where(inside, 1.0, -np.inf), bounds.max(axis=0)).min(axis=1)
-    first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
-    crosses = first <= last
-    start, along, first, last = start[crosses], along[crosses], first[crosses], last[crosses]
-    shares = first[:, None] + np.linspace(0.0, 1.0, _PER_EDGE) * (last - first)[:, None]
-    inner = (start[:, None] + shares[..., None] * along[:, None]).reshape(-1, 3)
-    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-30)
-    directions = np.repeat(along / lengths[:, None], _PER_EDGE, axis=0)
-    boxed = (corners >= low).all(axis=1) & (corners <= high).all(axis=1)
-    ends = corners[boxed]
-    points = np.concatenate([ends, inner])
-    directions = np.concatenate([np.zeros_like(ends), directions])
-    _, first_of = np.unique(np.round(points, 7), axis=0, return_index=True)
-    points, directions = points[first_of], directions[first_of]
-    step = max(1, math.ceil(len(points) / _MOST_SAMPLES))
-    return points[::step], directions[::step]
+    pairs = (
+        (
+            piece.surface,
+            other.surface,
+            np.maximum(piece.low, other.low) - tolerance_m,
+            np.minimum(piece.high, other.high) + tolerance_m,
+        )
+        for piece in pieces
+        for other in others
+        if may_touch(piece, other, -2 * tolerance_m)
+    )
+    points, normals = collect_pushes(pairs, tolerance_m)
+    pushes = zip(points.tolist(), normals.tolist(), strict=True)
+    return [((a[0], a[1], a[2]), (b[0], b[1], b[2])) for a, b in pushes]
 
 
 def compute_planar_hull(points: Iterable[Planar]) -> Polygon:

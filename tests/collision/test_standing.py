@@ -1,0 +1,174 @@
+"""Which bodies stand by themselves, and which of them must at least be held."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skillplan.collision import (
+    Solid,
+    Touch,
+    Weight,
+    decide_standing,
+    find_least_holds,
+    find_touches,
+    weigh,
+)
+from skillplan.task import Box, Cylinder, Pose
+
+TABLE = Solid([Box((1, 1, 0.1), (0, 0, -0.05))], Pose((0, 0, 0)))
+
+
+def block(size, at=(0, 0, 0), yaw_rad=0.0):
+    """Return a block whose bottom is at a height."""
+    return Solid([Box(size, (0, 0, size[2] / 2))], Pose.upright(at, yaw_rad))
+
+
+def decide(loose, firm=None, masses=None, **options):
+    """Return the verdict on bodies, of 1 kg each unless stated."""
+    touches = find_touches({**(firm or {"table": TABLE}), **loose})
+    weights = {name: weigh(solid, (masses or {}).get(name, 1.0)) for name, solid in loose.items()}
+    return decide_standing(weights, touches, **options)
+
+
+def hole(diameter_m, depth_m):
+    """Return a block with a square hole and a floor; the hole begins at a height of 0."""
+    half, wall = diameter_m / 2, 0.03
+    walls = [
+        Box((wall, 0.1, depth_m), (side * (half + wall / 2), 0, depth_m / 2)) for side in (-1, 1)
+    ]
+    walls += [
+        Box((diameter_m, wall, depth_m), (0, side * (half + wall / 2), depth_m / 2))
+        for side in (-1, 1)
+    ]
+    return Solid([*walls, Box((0.1, 0.1, 0.02), (0, 0, -0.01))], Pose((0, 0, 0)))
+
+
+def test_what_lies_on_the_table_stands_and_what_lies_on_nothing_falls():
+    assert decide({"it": block((0.1, 0.1, 0.1))}).stands
+    fallen = decide({"it": block((0.1, 0.1, 0.1), (0, 0, 0.2))})
+    assert (fallen.moving, fallen.how, fallen.only_tilted) == ("it", "falls", False)
+    assert fallen.reason == "'it' falls: nothing beneath it bears it"
+
+
+def test_a_body_tips_to_the_side_where_nothing_bears_it():
+    ledge = block((0.1, 0.1, 0.05))
+    tipped = decide({"it": block((0.2, 0.1, 0.02), (0.06, 0, 0.05))}, {"ledge": ledge})
+    assert (tipped.how, tipped.towards) == ("tips", (1.0, 0.0, 0.0))
+    assert decide({"it": block((0.2, 0.1, 0.02), (0.04, 0, 0.05))}, {"ledge": ledge}).stands
+
+
+def test_a_tall_body_on_a_narrow_face_stands_on_level_ground_only():
+    narrow = {"it": block((0.002, 0.05, 0.1))}
+    tipped = decide(narrow)
+    assert tipped.only_tilted
+    assert "if the ground is tilted by 2 degrees" in tipped.reason
+    assert decide(narrow, tilt_deg=0).stands
+
+
+@pytest.mark.parametrize(
+    ("depth_mm", "stands"), [(26, True), (2, False)], ids=["deeper than half", "flat"]
+)
+def test_a_round_pin_stands_in_a_hole_that_is_deep_enough(depth_mm, stands):
+    pin = Solid([Cylinder(0.002, 0.05, (0, 0, 0.025))], Pose((0, 0, 0)))
+    assert decide({"pin": pin}, {"block": hole(0.002, depth_mm / 1e3)}).stands is stands
+
+
+def test_a_shaft_stays_between_a_slope_and_a_wall():
+    """The wall pushes as hard as the slope needs."""
+    half_m = 0.1 * math.tan(math.pi / 8)
+    slope = Pose.turned((half_m, 0, 0), (0, -math.pi / 4, 0))
+    firm = {
+        "slope": Solid([Box((0.4, 0.4, 0.1), (0, 0, -0.05))], slope),
+        "wall": block((0.1, 0.4, 0.4), (-0.15, 0, -0.1)),
+    }
+    lying = Pose.turned((0, 0, 0.1), (math.pi / 2, 0, 0))
+    assert decide({"shaft": Solid([Cylinder(0.2, 0.1, (0, 0, 0))], lying)}, firm).how == ""
+
+
+def test_walls_clamp_nothing():
+    """Forces in equilibrium exist with friction, but only a preload would bring them about."""
+    walls = {name: block((0.1, 0.1, 0.1), (x_m, 0, 0.1)) for name, x_m in (("a", -0.1), ("b", 0.1))}
+    assert decide({"it": block((0.1, 0.1, 0.05), (0, 0, 0.12))}, walls).how == "falls"
+
+
+@pytest.mark.parametrize("lid", [False, True], ids=["free", "under a lid"])
+@pytest.mark.parametrize(("slope_deg", "stands"), [(13, True), (18, False)])
+def test_friction_on_a_slope_is_that_of_the_weight(slope_deg, stands, lid):
+    """A lid that touches adds no friction: 0.3 is the tangent of 16.7 degrees."""
+    pose = Pose.turned((0, 0, 0.3), (0, math.radians(slope_deg), 0))
+    firm = {"ramp": Solid([Box((0.4, 0.4, 0.02), (0, 0, -0.01))], pose)}
+    if lid:
+        firm["lid"] = Solid([Box((0.4, 0.4, 0.02), (0, 0, 0.03))], pose)
+    verdict = decide({"it": Solid([Box((0.1, 0.1, 0.02), (0, 0, 0.01))], pose)}, firm)
+    assert verdict.stands is stands
+    if not stands:
+        assert verdict.how == "slides"
+        assert verdict.towards[0] > 0.9
+
+
+def seesaw(**more):
+    """Return a beam that is out of balance on a foot."""
+    foot, beam = block((0.1, 0.1, 0.1)), block((0.3, 0.05, 0.02), (0.06, 0, 0.1))
+    return {"foot": foot, "beam": beam, **more}
+
+
+def test_a_counterweight_a_hold_or_a_joint_keeps_a_beam():
+    load = block((0.04, 0.05, 0.04), (-0.06, 0, 0.12))
+    assert decide(seesaw()).moving == "beam"
+    assert decide(seesaw(load=load), masses={"load": 2.0}).stands
+    assert decide(seesaw(), held={"beam"}).stands
+    heavy = {"foot": 20.0}
+    assert decide(seesaw(), masses=heavy, joined=[("foot", "beam")]).stands
+    assert not decide(seesaw(), masses=heavy).stands
+
+
+def test_gravity_may_pull_in_any_direction():
+    turned = {"it": block((0.1, 0.1, 0.1))}
+    assert decide(turned, up=(0, 0, -1)).how == "falls"
+    beside = {"wall": Solid([Box((0.1, 1, 1), (-0.1, 0, 0))], Pose((0, 0, 0)))}
+    assert decide({"it": block((0.1, 0.1, 0.1))}, beside, up=(1, 0, 0)).stands
+
+
+@st.composite
+def rows_of_blocks(draw):
+    """Draw blocks on tables and on each other; a few of them hang in the air or over an edge."""
+    count = draw(st.integers(1, 3))
+    solids = {}
+    for number in range(count):
+        on_air, shift = draw(st.booleans()), draw(st.sampled_from([0.0, 0.03, 0.06]))
+        at_m = (0.2 * number, 0.0, 0.05 if on_air else 0.0)
+        solids[f"low{number}"] = block((0.1, 0.1, 0.05), at_m)
+        solids[f"top{number}"] = block((0.1, 0.1, 0.05), (at_m[0] + shift, 0.0, at_m[2] + 0.05))
+    return solids
+
+
+@settings(max_examples=8)
+@given(rows_of_blocks())
+def test_no_smaller_set_of_holds_suffices(solids):
+    """Compared with all sets, one by one."""
+    touches = find_touches({"table": TABLE, **solids})
+    weights = {name: weigh(solid, 1.0) for name, solid in solids.items()}
+    least = find_least_holds(weights, touches)
+    sizes = [
+        size
+        for size in range(len(least.holds) + 1)
+        for held in combinations(weights, size)
+        if decide_standing(weights, touches, held).stands
+    ]
+    assert min(sizes) == len(least.holds)
+    assert decide_standing(weights, touches, least.holds).stands
+
+
+def test_holds_are_sought_among_what_can_be_held():
+    weights = {name: Weight(1.0, (0, 0, height_m), 0.1) for name, height_m in (("a", 0), ("b", 1))}
+    square = np.array([(x, y, 0.5) for x in (-0.1, 0.1) for y in (-0.1, 0.1)])
+    touches = [Touch("b", "a", square, np.tile((0.0, 0.0, 1.0), (4, 1)))]
+    assert find_least_holds(weights, touches).holds == ("a",)
+    assert find_least_holds(weights, touches, among=["b"]) is None
+    assert find_least_holds(weights, touches, among=["a", "b"], joined=[("a", "b")]).holds == ("a",)
