@@ -17,7 +17,7 @@ from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
 from skillplan.task.motion import Grasp, GraspKind
 from skillplan.task.pose import Point, Pose, Quaternion, dot, plus, unit
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
-from skillplan.task.state import State
+from skillplan.task.state import AND, State
 from skillplan.task.zone import Zone
 
 __all__ = [
@@ -508,6 +508,20 @@ class Workholder:
         middle = plus(start, plus(stop, start, -1.0), share)
         return Pose(plus(middle, about.rotate(start), -1.0), about.orientation)
 
+    def move(self, begin: str, end: str, time_share: float) -> Pose:
+        """Return the motion of bodies over a share of the time of a turn, from rest to rest.
+
+        Parameters
+        ----------
+        begin, end
+            Facts of the two orientations.
+        time_share
+            Share of the time, in [0, 1].
+        """
+        # The polynomial of least jerk.
+        share = time_share**3 * (10.0 - 15.0 * time_share + 6.0 * time_share**2)
+        return self.turn(begin, end, share)
+
 
 @dataclass(frozen=True)
 class Holder:
@@ -574,6 +588,16 @@ class Scene:
         """Return a workholder by name, or by ``WORKHOLDER.ORIENTATION``, a visit's subject."""
         name = subject.partition(".")[0]
         return next(holder for holder in self.workholders if holder.name == name)
+
+    def list_carried(self, workholder: Workholder, state: State) -> frozenset[str]:
+        """Return the bodies that turn with a workholder in `state`, its own included."""
+        fact = workholder.find_orientation(state)
+        return frozenset(
+            body.name
+            for body in self.bodies
+            if (placement := body.placement(state)) is not None
+            and fact in placement.fact.split(AND)
+        )
 
     def list_held(self, state: State) -> dict[str, Holder]:
         """Return the holder of each part that is held in `state`; the first if it has several."""

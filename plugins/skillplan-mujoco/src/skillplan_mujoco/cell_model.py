@@ -20,6 +20,9 @@ from skillplan_pinocchio.kinematics.serial_arm import make_placement
 from skillplan_pinocchio.mass_properties import compute_mass_properties
 from skillplan_simulation.robot_shapes import Block, Piece, make_body_pieces, make_jaw_pieces
 from skillplan_simulation.simulator import (
+    CARRIER,
+    CARRIER_KG,
+    CARRIER_KG_M2,
     FINGERS,
     GRAVITY_M_PER_S2,
     HAND,
@@ -224,7 +227,12 @@ _MEMORY_BYTES = 512 * 2**20
 
 
 def build_cell_spec(
-    robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], friction: float
+    robot: Robot,
+    hands: Sequence[Hand],
+    bodies: Sequence[Body],
+    friction: float,
+    *,
+    holds: bool = False,
 ) -> Any:
     """Return the specification from which the model of a cell is compiled.
 
@@ -236,6 +244,8 @@ def build_cell_spec(
         All bodies that a world can ever hold, tools included.
     friction
         Friction coefficient of bodies and table [-].
+    holds
+        True if workholders or holders hold bodies: each may be fixed to others, held and carried.
     """
     spec = mujoco.MjSpec()
     spec.memory = _MEMORY_BYTES
@@ -254,7 +264,9 @@ def build_cell_spec(
     _add_arm(spec, robot, hands, friction)
     for number, body in enumerate(bodies):
         _add_part(spec, body, number, friction)
-    for number in range(len(bodies) + _MORE_BONDS):
+    if holds:
+        _add_carrier(spec, len(bodies))
+    for number in range((3 if holds else 1) * len(bodies) + _MORE_BONDS):
         bond = spec.add_equality(name=f"bond {number}", type=mujoco.mjtEq.mjEQ_WELD)
         bond.objtype = mujoco.mjtObj.mjOBJ_BODY
         bond.name1, bond.name2 = HAND, TABLE
@@ -335,6 +347,16 @@ def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
         geom = add_shape(spec, shank, body.shank.shape)
         set_contact(geom, friction)
         geom.mass = 0.0
+
+
+def _add_carrier(spec: Any, number: int) -> None:
+    """Add a body without shapes that moves others about."""
+    carrier = spec.worldbody.add_body(name=CARRIER, pos=get_parking_position(number))
+    carrier.add_freejoint()
+    carrier.explicitinertial = True
+    carrier.mass, carrier.inertia = CARRIER_KG, (CARRIER_KG_M2,) * 3
+    carrier.ipos = (0.0, 0.0, 0.0)
+    carrier.gravcomp = 1.0
 
 
 def get_parking_position(number: int) -> tuple[float, float, float]:

@@ -35,8 +35,13 @@ class MujocoSimulator:
         """Return a world with only a table; earlier worlds become invalid."""
         if self._cell is None:
             hands = list_hands(self.robot)
+            scene = self.task.scene
             spec = build_cell_spec(
-                self.robot, hands, self._bodies(hands[0]), self.settings.friction
+                self.robot,
+                hands,
+                self._bodies(hands[0]),
+                self.settings.friction,
+                holds=bool(scene.workholders or scene.holders),
             )
             self._cell = Cell(spec.compile(), hands, self.settings.friction)
         return World(self._cell)

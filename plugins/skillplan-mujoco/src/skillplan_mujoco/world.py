@@ -15,7 +15,14 @@ from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Pose, name_shank
 from skillplan_mujoco.cell import Cell
 from skillplan_mujoco.cell_model import FRICTIONAL
-from skillplan_simulation.simulator import ROBOT, TABLE, Touch, UpsetError
+from skillplan_simulation.simulator import (
+    CARRIER,
+    ROBOT,
+    TABLE,
+    Touch,
+    UpsetError,
+    compute_speeds,
+)
 
 # Number of usable bits; the first is the kind of all bodies without a kind of their own.
 _BITS = 31
@@ -155,6 +162,9 @@ class World:
         self.numbers: dict[str, int] = {TABLE: self.ids[TABLE]}
         self._masses: dict[str, float] = {}
         self._masks = PairMasks(self.model, cell.owners, self.numbers)
+        self._fastened: dict[tuple[str, str], int] = {}
+        # Bonds of bodies that the carrier moves.
+        self._carried: list[int] = []
         self._is_prepared = False
         # Contacts of the last step, once read.
         self._touches: list[Touch] | None = None
@@ -219,6 +229,19 @@ class World:
         self._masks.set()
         return number
 
+    def remove(self, name: str) -> None:
+        """Take a body out of the world, with all its fastenings."""
+        for pair in [pair for pair in self._fastened if name in pair]:
+            self.release(self._fastened.pop(pair))
+        place, speed = self.cell.coordinates(name)
+        self.data.qpos[place] = self.model.qpos0[place]
+        self.data.qvel[speed] = 0.0
+        self.model.body_gravcomp[self.numbers.pop(name)] = 1.0
+        self.numbers.pop(name_shank(name), None)
+        del self._masses[name]
+        self.placed()
+        self._masks.set()
+
     def stand(self, moving: Iterable[str]) -> None:
         """Do nothing: bodies that are not moved need no fixing here."""
 
@@ -232,11 +255,15 @@ class World:
 
     def put(self, name: str, pose: Pose) -> None:
         """Move a body to a pose, at rest."""
-        x, y, z, w = pose.orientation
-        place, speed = self.cell.coordinates(name)
-        self.data.qpos[place] = (*pose.position, w, x, y, z)
+        _, speed = self.cell.coordinates(name)
+        self._put(name, pose)
         self.data.qvel[speed] = 0.0
         self.placed()
+
+    def _put(self, name: str, pose: Pose) -> None:
+        x, y, z, w = pose.orientation
+        place, _ = self.cell.coordinates(name)
+        self.data.qpos[place] = (*pose.position, w, x, y, z)
 
     def placed(self) -> None:
         """Update positions after a body was put elsewhere."""
@@ -344,7 +371,38 @@ class World:
     def fasten(self, name: str, other: str) -> None:
         """Fix a body to another in its current pose; from now on they pass through each other."""
         self.part(name, [other])
-        self.bond(0 if other == TABLE else self.numbers[other], self.numbers[name])
+        bearing = 0 if other == TABLE else self.numbers[other]
+        self._fastened[name, other] = self.bond(bearing, self.numbers[name])
+
+    @property
+    def fastened(self) -> frozenset[tuple[str, str]]:
+        """Pairs of bodies that `fasten` fixed to each other."""
+        return frozenset(self._fastened)
+
+    def unfasten(self, name: str, other: str) -> None:
+        """Remove what `fasten` fixed; the two touch again."""
+        self.release(self._fastened.pop((name, other)))
+        self.join(name, [other])
+
+    def carry(self, names: Iterable[str], pose: Pose) -> None:
+        """Fix bodies to a heavy carrier at a pose, which `drive` moves."""
+        self._put(CARRIER, pose)
+        self.placed()
+        self._carried += [self.bond(self.ids[CARRIER], self.numbers[name]) for name in names]
+
+    def drive(self, pose: Pose, after: Pose) -> None:
+        """Set the pose of the carrier, and its speed to the pose after the next step."""
+        velocity, spin = compute_speeds(pose, after)
+        _, speed = self.cell.coordinates(CARRIER)
+        self._put(CARRIER, pose)
+        self.data.qvel[speed] = (*velocity, *pose.inverse().rotate(spin))
+        self._is_prepared = False
+
+    def set_down(self) -> None:
+        """Release all bodies from the carrier."""
+        for constraint in self._carried:
+            self.release(constraint)
+        self._carried = []
 
     def bond(self, bearing: int, body: int) -> int:
         """Fix a body of the model to another in its current pose; return the constraint."""

@@ -19,12 +19,15 @@ from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.mass_properties import MassProperties, compute_mass_properties
 from skillplan_pybullet.quiet_output import quiet_output
 from skillplan_simulation.simulator import (
+    CARRIER_KG,
+    CARRIER_KG_M2,
     GRAVITY_M_PER_S2,
     LEAST_INERTIA_KG_M2,
     ROBOT,
     STEP_S,
     TABLE,
     Touch,
+    compute_speeds,
 )
 
 _TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybullet.GEOM_MESH}
@@ -304,6 +307,9 @@ class World:
         # Constraints between bodies that are fixed to each other.
         self._fastened: dict[tuple[str, str], int] = {}
         self._pushes: dict[str, NDArray[np.float64]] = {}
+        # Body that moves others, and their constraints.
+        self._carrier: int | None = None
+        self._carried: list[int] = []
         with quiet_output():
             self.client = pybullet.connect(pybullet.DIRECT)
             pybullet.setTimeStep(STEP_S, physicsClientId=self.client)
@@ -418,6 +424,17 @@ class World:
         for name, (body, is_fixed) in list(self._hollow.items()):
             if is_fixed == (name in free):
                 self._remake(body, stands=not is_fixed)
+
+    def remove(self, name: str) -> None:
+        """Take a body out of the world, with all its fastenings."""
+        for pair in [pair for pair in self._fastened if name in pair]:
+            self.release(self._fastened.pop(pair))
+        number = self.numbers.pop(name)
+        del self.names[number], self._properties[name], self._masses[name]
+        self._hollow.pop(name, None)
+        self._still.discard(name)
+        with quiet_output():
+            pybullet.removeBody(number, physicsClientId=self.client)
 
     def _remake(self, body: Body, *, stands: bool) -> None:
         """Recreate a body in place, with its fastenings."""
@@ -626,14 +643,71 @@ class World:
         self.part(name, [other])
         if other == TABLE:
             self._fastened[name, other] = self.hold(name)
-            return
-        number, bearing = self.numbers[name], self.numbers[other]
+        else:
+            self._fastened[name, other] = self._fix(self.numbers[name], self.numbers[other])
+
+    @property
+    def fastened(self) -> frozenset[tuple[str, str]]:
+        """Pairs of bodies that `fasten` fixed to each other."""
+        return frozenset(self._fastened)
+
+    def unfasten(self, name: str, other: str) -> None:
+        """Remove what `fasten` fixed; the two touch again."""
+        self.release(self._fastened.pop((name, other)))
+        self.join(name, [other])
+
+    def carry(self, names: Iterable[str], pose: Pose) -> None:
+        """Fix bodies to a heavy carrier at a pose, which `drive` moves."""
+        if self._carrier is None:
+            self._carrier = int(pybullet.createMultiBody(CARRIER_KG, physicsClientId=self.client))
+            pybullet.changeDynamics(
+                self._carrier,
+                -1,
+                localInertiaDiagonal=[CARRIER_KG_M2] * 3,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                physicsClientId=self.client,
+            )
+        pybullet.resetBasePositionAndOrientation(
+            self._carrier, pose.position, pose.orientation, physicsClientId=self.client
+        )
+        self._carried += [self._fix(self.numbers[name], self._carrier) for name in names]
+
+    def drive(self, pose: Pose, after: Pose) -> None:
+        """Set the pose of the carrier, and its speed to the pose after the next step."""
+        assert self._carrier is not None
+        velocity, spin = compute_speeds(pose, after)
+        pybullet.resetBasePositionAndOrientation(
+            self._carrier, pose.position, pose.orientation, physicsClientId=self.client
+        )
+        pybullet.resetBaseVelocity(self._carrier, velocity, spin, physicsClientId=self.client)
+        pybullet.applyExternalForce(
+            self._carrier,
+            -1,
+            (0.0, 0.0, CARRIER_KG * GRAVITY_M_PER_S2),
+            pose.position,
+            pybullet.WORLD_FRAME,
+            physicsClientId=self.client,
+        )
+
+    def set_down(self) -> None:
+        """Release all bodies from the carrier."""
+        for constraint in self._carried:
+            self.release(constraint)
+        self._carried = []
+        if self._carrier is not None:
+            with quiet_output():
+                pybullet.removeBody(self._carrier, physicsClientId=self.client)
+            self._carrier = None
+
+    def _fix(self, number: int, bearing: int) -> int:
+        """Fix a body to another in its current pose; return the constraint."""
         here, there = (
             pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
             for body in (number, bearing)
         )
         offset, turn = pybullet.multiplyTransforms(*pybullet.invertTransform(*there), *here)
-        self._fastened[name, other] = int(
+        return int(
             pybullet.createConstraint(
                 bearing,
                 -1,

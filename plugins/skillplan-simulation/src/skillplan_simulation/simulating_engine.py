@@ -184,7 +184,7 @@ class SimulatingEngine(Engine):
 
     def check(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on the sensed postcondition; see :meth:`BackEnd.check`."""
-        if skill.motion is None:
+        if skill.motion is None and not self.workcell.frees(skill, state):
             return Verdict.feasible(self.task.facts.none, self.task.facts.none)
         return check_postcondition(skill, self.record(skill, state), self.tolerances)
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import Hand
+from skillplan.task.motion import Point
 from skillplan.task.scene import Body, Pose, Robot
-from skillplan_simulation.kinematics import ArmKinematics, TipPose
+from skillplan_simulation.kinematics import ArmKinematics, TipPose, compute_turn
 from skillplan_simulation.motions import Setpoint
 
 Vector = NDArray[np.float64]
@@ -30,6 +31,17 @@ TABLE = "work table"
 ROBOT = "robot arm"
 HAND = "robot hand"
 FINGERS = ("left finger", "right finger")
+CARRIER = "workholder carrier"
+# Mass and moments of inertia of the carrier, which loads must not slow down [kg], [kg m2].
+CARRIER_KG, CARRIER_KG_M2 = 100.0, 10.0
+
+
+def compute_speeds(pose: Pose, after: Pose) -> tuple[Point, Point]:
+    """Return linear [m/s] and angular velocity [rad/s] from a pose to the one after a step."""
+    x, y, z = (STEPS_PER_S * (b - a) for a, b in zip(pose.position, after.position, strict=True))
+    turned = compute_turn(np.array(pose.rotation), np.array(after.rotation))
+    a, b, c = (STEPS_PER_S * turned).tolist()
+    return (x, y, z), (a, b, c)
 
 
 class UpsetError(Exception):
@@ -101,6 +113,9 @@ class World(Protocol):
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
         """Put a body at a pose; return its number."""
 
+    def remove(self, name: str) -> None:
+        """Take a body out of the world, with all its fastenings."""
+
     def stand(self, moving: Iterable[str]) -> None:
         """Fix all bodies except those to be moved."""
 
@@ -150,6 +165,22 @@ class World(Protocol):
 
     def fasten(self, name: str, other: str) -> None:
         """Fix a body to another in its current pose; from now on they pass through each other."""
+
+    @property
+    def fastened(self) -> frozenset[tuple[str, str]]:
+        """Pairs of bodies that `fasten` fixed to each other."""
+
+    def unfasten(self, name: str, other: str) -> None:
+        """Remove what `fasten` fixed; the two touch again."""
+
+    def carry(self, names: Iterable[str], pose: Pose) -> None:
+        """Fix bodies to a heavy carrier at a pose, which `drive` moves."""
+
+    def drive(self, pose: Pose, after: Pose) -> None:
+        """Set the pose of the carrier, and its speed to the pose after the next step."""
+
+    def set_down(self) -> None:
+        """Release all bodies from the carrier."""
 
     def release(self, constraint: int) -> None:
         """Remove a constraint."""

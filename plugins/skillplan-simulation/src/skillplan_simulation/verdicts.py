@@ -137,8 +137,7 @@ def check_postcondition(skill: Skill, record: Record, tolerances: Tolerances) ->
         return Verdict.infeasible(record.unreachable, present, absent, {"reachable": False})
     if record.unsettled is not None:
         return Verdict.infeasible(record.unsettled, present, absent, {"settled": False})
-    assert skill.motion is not None
-    visit = skill.motion.routes[0].visits[-1]
+    visit = None if skill.motion is None else skill.motion.routes[0].visits[-1]
     evidence = _collect_evidence(record, visit)
     fault = _find_fault(skill, record, visit, tolerances)
     if fault is None:
@@ -170,12 +169,16 @@ def _compute_relative_axis(final: Pose, expected: Pose) -> Any:
 _PRESSED = 0.9
 
 
-def _find_fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -> str | None:
+def _find_fault(
+    skill: Skill, record: Record, visit: Visit | None, tolerances: Tolerances
+) -> str | None:
     sensed = record.sensed
     if "in_zone" in sensed:
         return str(sensed["in_zone"])
     if "stuck_on" in sensed:
         return f"the arm was stopped on {sensed['stuck_on']}"
+    if visit is None or visit.event is Event.TURN:
+        return _find_moved(record, visit, tolerances)
     if visit.event is Event.LOAD and sensed.get("tool_attached") != visit.subject:
         return f"{visit.subject} is not attached"
     force_n = sensed.get("fastening_force_n")
@@ -221,6 +224,25 @@ def _find_fault(skill: Skill, record: Record, visit: Visit, tolerances: Toleranc
     return None
 
 
+def _find_moved(record: Record, turn: Visit | None, tolerances: Tolerances) -> str | None:
+    """Return the body that is farthest from where a turn, or no motion at all, must leave it."""
+    place = "where it stood" if turn is None else f"where the turn to {turn.subject} takes it"
+    far = sorted(
+        record.expected,
+        key=lambda name: (-measure_offset_m(record.final[name], record.expected[name]), name),
+    )
+    for name in far:
+        final, expected = record.final[name], record.expected[name]
+        if measure_offset_m(final, expected) > _CREEP_M:
+            return f"{name} {_describe_offset(final, expected, place)}"
+        tilt_rad = measure_tilt_rad(final, expected)
+        if tilt_rad > tolerances.tilt_rad:
+            return (
+                f"{name} came to rest turned by {math.degrees(tilt_rad):.1f} degrees from {place}"
+            )
+    return None
+
+
 def _describe_offset(final: Pose, expected: Pose, place: str) -> str:
     """Return the offset of a part from its target, in words."""
     x_m, y_m, z_m = (a - b for a, b in zip(final.position, expected.position, strict=True))
@@ -235,10 +257,10 @@ def _describe_offset(final: Pose, expected: Pose, place: str) -> str:
     return f"came to rest {' and '.join(parts)} {place}"
 
 
-def _collect_evidence(record: Record, visit: Visit) -> dict[str, Any]:
+def _collect_evidence(record: Record, visit: Visit | None) -> dict[str, Any]:
     """Return rounded measurements."""
-    evidence: dict[str, Any] = {"body": visit.subject}
-    if visit.subject in record.final and visit.subject in record.expected:
+    evidence: dict[str, Any] = {} if visit is None else {"body": visit.subject}
+    if visit is not None and visit.subject in record.final and visit.subject in record.expected:
         final, expected = record.final[visit.subject], record.expected[visit.subject]
         evidence["offset_mm"] = [
             round(1000 * (a - b), 4) + 0.0

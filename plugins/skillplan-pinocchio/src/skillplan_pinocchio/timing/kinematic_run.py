@@ -15,7 +15,7 @@ from skillplan.physics.performance import (
     PlannedMotion,
     Sample,
 )
-from skillplan.task.motion import Event
+from skillplan.task.motion import Event, Visit
 from skillplan.task.pose import Pose
 from skillplan.task.scene import WORLD, Robot, Tool, ToolKind
 from skillplan.task.skill import FeederClock, Skill
@@ -66,6 +66,7 @@ class KinematicRun:
         self._skill = self._phase = ""
         self._opening_m = 0.0
         self._joints: Vector | None = None
+        self._state = task.initial
         # Poses of fixed bodies; the held body and its pose in the frame of the tip.
         self._poses: dict[str, Pose] = {}
         self._held: tuple[str, Pose] | None = None
@@ -91,7 +92,7 @@ class KinematicRun:
         self._stand_still(state)
         done = []
         for skill in skills:
-            begin_s, self._skill = self._now_s, skill.name
+            begin_s, self._skill, self._state = self._now_s, skill.name, state
             after = skill.prediction_in(state).apply(state)
             self._await(skill, skill.compute_wait_s(begin_s))
             if skill.motion is None:
@@ -128,7 +129,6 @@ class KinematicRun:
         if self._joints is None:
             self._joints = np.asarray(paths.begin_rad)
         self._bring_out({motion.motion.visit.subject for motion in paths.motions}, state)
-        goals = self.task.scene.at(after)
         for number, motion in enumerate(paths.motions):
             self._take_along(motion)
             subject = motion.motion.visit.subject
@@ -144,7 +144,7 @@ class KinematicRun:
             for path, least_s in down:
                 self._along(path, self._opening_m, motion.motion.tool, least_s)
             self._phase = f"the {motion.motion.visit.event.value} of {subject}"
-            self._act(motion, paths.motions[number + 1 :], goals)
+            self._act(motion, paths.motions[number + 1 :], after)
             self._phase = f"the retreat from {subject}"
             for path in motion.strokes.up:
                 self._along(path, self._opening_m, motion.motion.tool_after)
@@ -172,10 +172,10 @@ class KinematicRun:
         return tip.inverse().then(paths.motion.visit.pose)
 
     def _act(
-        self, paths: MotionPaths, later: Sequence[MotionPaths], goals: Mapping[str, Pose]
+        self, paths: MotionPaths, later: Sequence[MotionPaths], after: State
     ) -> None:
         """Execute the action at a target while the arm stands."""
-        visit = paths.motion.visit
+        visit, goals = paths.motion.visit, self.task.scene.at(after)
         subject, dwell_s = visit.subject, visit.dwell_s
         if visit.event is Event.GRASP:
             grasp = choose_visit_grasp(self.task.scene.body(subject), visit)
@@ -195,8 +195,23 @@ class KinematicRun:
             self._poses[subject] = left
             # The part falls to its goal, or the screw goes into its hole.
             self._dwell(dwell_s, {subject: goals.get(subject, left)}, self._opening_for(paths))
+        elif visit.event is Event.TURN:
+            self._turn(visit, after)
         else:
             self._dwell(dwell_s, {}, self._opening_m)
+
+    def _turn(self, visit: Visit, after: State) -> None:
+        """Turn a workholder with all that it carries while the arm stands."""
+        scene, begins = self.task.scene, dict(self._poses)
+        workholder = scene.find_workholder(visit.subject)
+        begin, end = (workholder.find_orientation(state) for state in (self._state, after))
+        carried = scene.list_carried(workholder, self._state) & begins.keys()
+        begin_s, whole_s = self._now_s, visit.dwell_s
+        for share in self._frames(whole_s):
+            moved = workholder.move(begin, end, share)
+            self._poses |= {name: moved.then(begins[name]) for name in carried}
+            self._frame()
+        self._now_s = begin_s + whole_s
 
     def _has_jaws(self, paths: MotionPaths) -> bool:
         tool = paths.motion.tool

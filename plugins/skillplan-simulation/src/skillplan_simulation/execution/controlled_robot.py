@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 
@@ -171,9 +171,9 @@ class ControlledRobot:
         self.tools = ToolChanger(world, arm, scene, tool)
         self.carry(None)
 
-    def watch(self, handled: set[str]) -> None:
-        """Start a log for the next skill."""
-        self.log = ContactLog(self.world, self.arm, handled)
+    def watch(self, handled: set[str], carried: Collection[str] = ()) -> None:
+        """Start a log for the next skill, whose bodies on a workholder the robot must not touch."""
+        self.log = ContactLog(self.world, self.arm, {*handled, *carried})
         for name in (HAND, *FINGERS, ROBOT):
             for other in handled:
                 self.log.expected.add((min(name, other), max(name, other)))

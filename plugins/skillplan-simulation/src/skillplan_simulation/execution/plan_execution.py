@@ -364,7 +364,7 @@ class _PlanExecution:
             placement = body.placement(state)
             if placement is not None and placement.solid:
                 self.world.add(body, placement.pose, stands=True)
-                self.workcell.fastenings.fasten(self.world, [(body.name, placement)])
+                self.workcell.fastenings.fasten(self.world, [(body.name, placement)], state)
         runner = SkillRunner(
             self.world,
             self.arm,
@@ -410,9 +410,9 @@ class _PlanExecution:
             return Verdict.infeasible(
                 f"needs {', '.join(missing.requires)}", facts.none, facts.none
             )
-        if skill.motion is None:
-            return Verdict.feasible(facts.none, facts.none)
         runner = self.runner
+        if skill.motion is None:
+            return self._rearrange(skill, state)
         try:
             planned = self.workcell.paths.of(skill, state, self.here_rad)
         except UnreachableError as error:
@@ -420,8 +420,7 @@ class _PlanExecution:
         if planned.unfound is not None:
             return Verdict.unknown(planned.unfound)
         self._await(skill, skill.compute_wait_s(self._now_s))
-        plain = [motion.motion for motion in planned.motions]
-        runner.begin(planned.motions, state, self.workcell.guides.of(plain, state))
+        self.workcell.begin(runner, skill, planned, state)
         # Frames of the log correspond to rows of the trace.
         begin_s = ((self.world.steps + self.held) // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:
@@ -439,7 +438,27 @@ class _PlanExecution:
             runner.sensed["stuck_on"] = runner.log.phase_now
         return self._sensed(skill, state, planned, begin_s)
 
-    def _sensed(self, skill: Skill, state: State, planned: PlannedSkill, begin_s: float) -> Verdict:
+    def _rearrange(self, skill: Skill, state: State) -> Verdict:
+        """Execute a skill without motion: holders close and open, parts are joined."""
+        self._await(skill, skill.compute_wait_s(self._now_s))
+        runner, begin = self.runner, self.world.steps + self.held
+        begin_s = (begin // STEPS_PER_FRAME + 1) / FRAMES_PER_S
+        change = self.workcell.fastenings.find_rearrangement(skill, state)
+        try:
+            runner.rearrange(change, skill.name)
+        except UpsetError as error:
+            return Verdict.unknown(str(error))
+        except StuckError:
+            runner.sensed["stuck_on"] = skill.name
+        steps = round(skill.duration_s.at(state) * STEPS_PER_S) - (
+            self.world.steps + self.held - begin
+        )
+        self._dwell(STEPS_PER_FRAME * max(0, round(steps / STEPS_PER_FRAME)))
+        return self._sensed(skill, state, None, begin_s)
+
+    def _sensed(
+        self, skill: Skill, state: State, planned: PlannedSkill | None, begin_s: float
+    ) -> Verdict:
         """Return the verdict of a search: a collision takes precedence over its consequences."""
         record = self.workcell.record_of(skill, state, planned, self.runner, begin_s)
         verdict = check_postcondition(skill, record, self.rules.tolerances)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,15 +11,28 @@ import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, choose_opening_m, choose_visit_grasp
 from skillplan.task.motion import Event, Grasp, GraspKind, Point
-from skillplan.task.pose import DOWN, is_same_direction, plus
+from skillplan.task.pose import DOWN, Pose, is_same_direction, plus
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
 from skillplan_pinocchio.kinematics.fixed_order import dot, times
 from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, Guides
 from skillplan_simulation.execution.controlled_robot import ControlledRobot
+from skillplan_simulation.execution.fastenings import (
+    Rearrangement,
+    Turn,
+    fix_in_place,
+    fix_joined,
+    list_fixed_to,
+)
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import Vector, convert_quaternion, make_pose
-from skillplan_simulation.motions import PEAK_SPEED, ArmMotion, PathSection, PosturePath
+from skillplan_simulation.motions import (
+    PEAK_SPEED,
+    ArmMotion,
+    PathSection,
+    PosturePath,
+    Profile,
+)
 from skillplan_simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, TABLE, Arm, World
 
 # Distance from contact at which the search for a hole starts [m].
@@ -102,11 +115,14 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     arm.press_n = np.zeros(3)
     robot.sensed["fastening_force_n"] = float(np.mean(readings))
     robot.unbind()
-    if not is_same_direction(motion.visit.along, DOWN):
+    holds_product = bool(robot.scene.workholders or robot.scene.holders)
+    if holds_product or not is_same_direction(motion.visit.along, DOWN):
         # The thread holds the screw against gravity.
         bearing = world.nearest(screw, through)
         if bearing is not None:
             world.fasten(screw, bearing)
+    if holds_product:
+        fix_joined(world, robot.scene.body(screw))
     world.weigh(screw, robot.scene.body(screw).mass_kg)
     robot.carry(None)
 
@@ -172,6 +188,11 @@ _LEAST_M_PER_S = 0.005
 _GRIP_S = 0.35
 _LET_GO_S = 0.35
 _SUCTION_S = 0.05
+# Speed at which a part goes down to its goal in a holder [m/s].
+_LOWERING_M_PER_S = 0.01
+# Time in which bodies come to rest after a turn, or after holders have moved [s]; steps at the end
+# of a turn in which the workholder stands.
+_REST_S, _STILL_STEPS = 0.25, 12
 # Tolerance for the position of jaws [m].
 _JAWS_PLAY_M = 0.001
 
@@ -211,9 +232,19 @@ class SkillRunner(ControlledRobot):
         # Motions of the current skill, and guides of its parts.
         self._motions: tuple[ArmMotion, ...] = ()
         self._guides: Mapping[str, Guides] = {}
+        self._in_holders: Collection[str] = ()
+        self._turn: Turn | None = None
+        # Poses at which a turn must leave its bodies.
+        self.turned: dict[str, Pose] = {}
 
     def begin(
-        self, motions: Sequence[ArmMotion], state: State, guides: Mapping[str, Guides]
+        self,
+        motions: Sequence[ArmMotion],
+        state: State,
+        guides: Mapping[str, Guides],
+        *,
+        turn: Turn | None = None,
+        held: Collection[str] = (),
     ) -> None:
         """Present the parts of feeders that a skill takes, and start its contact log.
 
@@ -224,13 +255,75 @@ class SkillRunner(ControlledRobot):
         ----------
         guides
             Guides of the parts that the skill puts into place, by name.
+        turn
+            The turn of the skill, or None.
+        held
+            Parts in holders, also those that are still to come.
         """
         self._motions, self._guides = tuple(motions), guides
+        self._turn, self._in_holders, self.turned = turn, held, {}
         handled = {planned.motion.visit.subject for planned in motions}
         for subject in sorted(handled):
             self.bring_out(subject, state)
-        self.world.stand(handled)
-        self.watch(handled)
+        carried = set() if turn is None else turn.carried & self.world.numbers.keys()
+        self.world.stand(handled | carried)
+        self.watch(handled, carried)
+
+    def rearrange(self, change: Rearrangement, label: str) -> None:
+        """Close and open holders, or join parts to one, while the arm stands.
+
+        Raises
+        ------
+        StuckError
+            If a body pushes the arm away.
+        """
+        world = self.world
+        shift = None
+        if change.lead is not None:
+            name, pose = change.lead
+            shift = world.pose(name).then(pose.inverse())
+        for name in change.vanishes:
+            world.remove(name)
+        for body, pose in change.appears:
+            world.add(body, pose if shift is None else shift.then(pose))
+        for name in change.fixed:
+            fix_in_place(world, name)
+        self.turned = {}
+        world.stand(change.freed)
+        self.watch(set())
+        self.log.phase(label)
+        self.log.free |= {*change.freed, *(body.name for body, _ in change.appears)}
+        for name in change.freed:
+            if (name, TABLE) in world.fastened:
+                world.unfasten(name, TABLE)
+        self.wait(_REST_S)
+
+    def _run_turn(self, turn: Turn, duration_s: float) -> None:
+        """Turn a workholder with all that is fixed to it; the other bodies follow by contact."""
+        world, start = self.world, turn.pivot
+        fixed = list_fixed_to(world, turn.held & world.numbers.keys())
+        self.log.free |= turn.carried - fixed
+        end = turn.at(1.0)
+        self.turned = {
+            name: end.then(world.pose(name)) for name in turn.carried & world.numbers.keys()
+        }
+        for name in fixed:
+            if (name, TABLE) in world.fastened:
+                world.unfasten(name, TABLE)
+        world.carry(sorted(fixed), start)
+        steps = max(1, round(duration_s / STEP_S))
+        profile = Profile(steps * STEP_S)
+        poses = (turn.at(profile.at(step * STEP_S)[0]).then(start) for step in range(steps + 1))
+        for here, after in pairwise(poses):
+            world.drive(here, after)
+            self.step()
+        for _ in range(_STILL_STEPS):
+            world.drive(after, after)
+            self.step()
+        world.set_down()
+        for name in sorted(turn.held & fixed):
+            fix_in_place(world, name)
+        self.wait(_REST_S)
 
     def bring_out(self, subject: str, state: State) -> None:
         """Present a part that is in a feeder; others stay in place."""
@@ -434,6 +527,10 @@ class SkillRunner(ControlledRobot):
             self.log.phase(f"the fetching of {subject}")
             put_at_bit(self, *self._driven(motion))
             self.wait(_SUCTION_S)
+        elif event is Event.TURN:
+            self.log.phase(f"the turn to {subject}")
+            assert self._turn is not None
+            self._run_turn(self._turn, motion.visit.dwell_s)
         elif event is Event.WORK:
             self.log.phase(f"the work {subject}")
             if motion.visit.press_n:
@@ -503,6 +600,10 @@ class SkillRunner(ControlledRobot):
     def _release(self, motion: LinearMotion) -> None:
         subject = motion.visit.subject
         self.log.free.add(subject)
+        if subject in self._in_holders:
+            # It does not fall into its holder.
+            self.move(plus(motion.tip, DOWN, motion.drop_m), None, _LOWERING_M_PER_S)
+            fix_in_place(self.world, subject)
         self.carry(None)
         if self._bond is not None:
             self.log.cups.pop(subject, None)

@@ -7,9 +7,10 @@ facts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import pairwise, permutations, product
 
 import numpy as np
 
@@ -33,9 +34,10 @@ from skillplan.task.motion import AXES, Event, Point
 from skillplan.task.pose import Pose, plus
 from skillplan.task.scene import WORLD, Body, Box, Placement
 from skillplan.task.skill import Skill
-from skillplan.task.state import State
+from skillplan.task.state import AND, State
 from skillplan.task.task import Task
 from skillplan_pinocchio.kinematics.fixed_order import times
+from skillplan_simulation.execution.fastenings import Turn
 from skillplan_simulation.kinematics import ArmKinematics, Vector, get_kinematics
 from skillplan_simulation.motions import ArmMotion
 from skillplan_simulation.robot_shapes import (
@@ -204,6 +206,15 @@ class Sweeps:
             yield WorldBox((ax, ay, az), (bx, by, bz)), _STILL
 
 
+def _pair_joined(task: Task) -> frozenset[tuple[str, str]]:
+    """Return the pairs of bodies that screws join, if a task holds its product."""
+    scene = task.scene
+    if not (scene.workholders or scene.holders):
+        return frozenset()
+    groups = [(body.name, *body.joins) for body in scene.bodies if body.joins]
+    return frozenset(pair for group in groups for pair in permutations(group, 2))
+
+
 def _make_tool_pose(motion: LinearMotion) -> Pose:
     """Return the pose of a hand or tool at the target: x along the closing axis, z backwards."""
     if motion.points_down:
@@ -286,6 +297,12 @@ class Surroundings:
             for placement in body.placements
             if placement.solid and placement.frame == WORLD
         )
+        self._joined = _pair_joined(task)
+        self._turned = {
+            fact: workholder.name
+            for workholder in task.scene.workholders
+            for fact in workholder.orientations
+        }
         self._supports = {
             (body.body.name, body.placement.fact): tuple(self._beneath(body))
             for body in self._located
@@ -300,8 +317,9 @@ class Surroundings:
         skill: Skill,
         planned: Sequence[ArmMotion],
         state: State,
+        turn: Turn | None = None,
     ) -> Neighbourhood:
-        """Return the neighbourhood of a skill in a state."""
+        """Return the neighbourhood of a skill in a state, and of what a turn carries."""
         motions = tuple(planned_motion.motion for planned_motion in planned)
         ways = tuple(motion.travel.nodes_rad.tobytes() for motion in planned if motion.matters)
         key = (skill.name, motions, ways, planned[0].approach[0].tobytes())
@@ -313,7 +331,47 @@ class Surroundings:
             for body in self._located
             if body.body.name in handled and body.placement.fact in state
         ]
-        return self._reaching_down([*own, *self._near[key]], state)
+        turned = [] if turn is None else self._close_to_turn(turn)
+        return self._reaching_down([*own, *{*self._near[key], *turned}], state)
+
+    def around_released(self, freed: Collection[str], state: State) -> Neighbourhood:
+        """Return bodies that holders let go, all that stand on them, and their supports."""
+        above = [body for body in self._located if body.body.name in freed]
+        for body in above:
+            above += [
+                other
+                for other in self._located
+                if other not in above
+                and body in self._supports[other.body.name, other.placement.fact]
+            ]
+        return self._reaching_down(above, state)
+
+    def _close_to_turn(self, turn: Turn) -> list[Located]:
+        """Return the bodies that a turn carries, and those within their reach about the pivot."""
+        carried = [body for body in self._located if turn.begin in body.placement.fact.split(AND)]
+        pivot = turn.pivot.position
+        reach_m = max(
+            (
+                math.dist(corner, pivot)
+                for body in carried
+                for box in body.boxes
+                for corner in _list_corners(box)
+            ),
+            default=0.0,
+        )
+        (ax, ay, az), (bx, by, bz) = pivot, turn.at(1.0).apply(pivot)
+        low = (min(ax, bx) - reach_m, min(ay, by) - reach_m, min(az, bz) - reach_m)
+        high = (max(ax, bx) + reach_m, max(ay, by) + reach_m, max(az, bz) + reach_m)
+        ball = WorldBox(low, high)
+        return [
+            body
+            for body in self._located
+            if body in carried
+            or (
+                turn.end not in body.placement.fact.split(AND)
+                and any(sweep_hits(box, _STILL, ball, -MARGIN_M) for box in body.boxes)
+            )
+        ]
 
     def support(self, body: Located, state: State) -> Neighbourhood:
         """Return a body with its direct and indirect supports."""
@@ -336,17 +394,19 @@ class Surroundings:
         looked_at.sort(key=self._located.index)
         there = tuple(body for body in looked_at if body.placement.fact in state)
         missing = [body.placement.fact for body in looked_at if body not in there]
-        facts = self.task.facts
-        present = facts.of(*(body.placement.fact for body in there))
-        return Neighbourhood(there, present, facts.of(*missing), tuple(above))
+        present = self.task.facts.of(*(body.placement.fact for body in there))
+        return Neighbourhood(there, present, state.find_missing(*missing), tuple(above))
 
     def _beneath(self, body: Located) -> Iterator[Located]:
         floor_m = min(box.low[2] for box in body.boxes)
         feet = [box for box in body.boxes if box.low[2] - floor_m <= _TOUCH_M]
         for other in self._located:
-            if other.body.name == body.body.name:
+            if other.body.name == body.body.name or self._excludes(body, other):
                 continue
-            if any(fit.into == other.body.name and fit.fastens for fit in body.body.fits):
+            is_joined = (body.body.name, other.body.name) in self._joined
+            if is_joined or any(
+                fit.into == other.body.name and fit.fastens for fit in body.body.fits
+            ):
                 bears = any(
                     sweep_hits(box, _STILL, top, -_TOUCH_M)
                     for box in body.boxes
@@ -367,6 +427,17 @@ class Surroundings:
                 )
             if bears:
                 yield other
+
+    def _excludes(self, body: Located, other: Located) -> bool:
+        """Return whether two places belong to different orientations of a workholder."""
+        if not self._turned:
+            return False
+        ones, others = (
+            set(it.placement.fact.split(AND)) & self._turned.keys() for it in (body, other)
+        )
+        return bool(ones and others and not ones & others) and any(
+            self._turned[a] == self._turned[b] for a in ones for b in others
+        )
 
     def _close_to(self, planned: Sequence[ArmMotion]) -> list[Located]:
         near: list[Located] = []

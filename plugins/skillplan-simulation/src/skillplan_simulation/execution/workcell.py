@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, choose_opening_m, choose_visit_grasp
 from skillplan.task.motion import Event, GraspKind, Point, Visit
-from skillplan.task.pose import DOWN, Pose, is_same_direction, plus
-from skillplan.task.scene import WORLD, Placement, Robot
+from skillplan.task.pose import Pose, plus
+from skillplan.task.scene import WORLD, Robot
 from skillplan.task.shape import Mesh
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.tight_fits import Insertion, measure_insertion
-from skillplan_simulation.execution.contact_log import Guides
+from skillplan_simulation.execution.contact_log import ContactLog, Guides
 from skillplan_simulation.execution.controlled_robot import StuckError
+from skillplan_simulation.execution.fastenings import Fastenings
 from skillplan_simulation.execution.planned_paths import PlannedPaths, PlannedSkill
 from skillplan_simulation.execution.skill_runner import SkillRunner
 from skillplan_simulation.execution.surroundings import (
@@ -33,68 +34,14 @@ from skillplan_simulation.record import Record
 from skillplan_simulation.robot_shapes import get_hand
 from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
+    STEP_S,
+    TABLE,
     Arm,
     Simulator,
     UpsetError,
     World,
 )
 from skillplan_simulation.verdicts import CLEARANCE_MM, FRAMES, average_frames
-
-# Greatest distance of two bodies with a fit at their goals [m].
-_FIT_REACH_M = 0.0005
-
-
-class Fastenings:
-    """Screws of a task that are held by their threads, and parts that are held by their fits."""
-
-    def __init__(self, task: Task) -> None:
-        released = {
-            (visit.subject, fact)
-            for skill in task.skills
-            if skill.motion is not None
-            for route in skill.motion.routes
-            for visit in route.visits
-            if visit.is_fitted
-            for fact in skill.prediction.add
-        }
-        self._fits: dict[tuple[str, str], tuple[str, ...]] = {}
-        for body in task.scene.bodies:
-            into = tuple(fit.into for fit in body.fits if fit.fastens)
-            for placement in body.placements if into else ():
-                is_goal = (body.name, placement.fact) in released or body.fixed
-                if is_goal and placement.frame == WORLD:
-                    self._fits[body.name, placement.fact] = into
-        self._facts: set[tuple[str, str]] = set()
-        for skill in task.skills:
-            motions = (skill.motion, *(way.motion for way in skill.ways))
-            routes = (route for motion in motions if motion is not None for route in motion.routes)
-            for visit in (visit for route in routes for visit in route.visits):
-                if visit.event is Event.DRIVE and not is_same_direction(visit.along, DOWN):
-                    self._facts |= {(visit.subject, fact) for fact in skill.prediction.add}
-
-    def hold(self, body: str, placement: Placement) -> bool:
-        """Return whether a thread holds a body at one of its places."""
-        return (body, placement.fact) in self._facts
-
-    def fasten(self, world: World, there: Iterable[tuple[str, Placement]]) -> None:
-        """Fix the screws of a world to the bodies that their heads bear on.
-
-        Parameters
-        ----------
-        world
-            World with the bodies in place.
-        there
-            Names of the bodies, and their placements.
-        """
-        for name, placement in there:
-            for into in self._fits.get((name, placement.fact), ()):
-                if into in world.numbers and world.is_near(name, into, _FIT_REACH_M):
-                    world.fasten(name, into)
-            if self.hold(name, placement):
-                other = world.nearest(name)
-                if other is not None:
-                    world.fasten(name, other)
-
 
 # Motion of a body within `_STEPS` simulation steps above which it does not stay [m].
 _FALLEN_M = 0.001
@@ -128,13 +75,15 @@ class SupportTrials:
         present = absent = facts.none
         for body in around.near:
             if body.placement.fact not in state:
-                absent |= facts.of(body.placement.fact)
+                absent |= state.find_missing(body.placement.fact)
                 continue
             name = body.body.name
             beneath = self.surroundings.support(body, state)
+            names = {other.body.name for other in beneath.bodies}
+            beneath = beneath.resting_on(*self.fastenings.basis(names, state))
             present |= beneath.present
             absent |= beneath.absent
-            moved_m = self._moved_m(body, beneath)
+            moved_m = self._moved_m(body, beneath, state)
             if moved_m > _FALLEN_M:
                 below = [other.body.name for other in beneath.bodies if other is not body]
                 on = f"does not stay on {', '.join(below)}" if below else "has nothing beneath it"
@@ -146,8 +95,8 @@ class SupportTrials:
                 )
         return None
 
-    def _moved_m(self, body: Located, beneath: Neighbourhood) -> float:
-        if body.body.fixed:
+    def _moved_m(self, body: Located, beneath: Neighbourhood, state: State) -> float:
+        if body.body.fixed or body.body.name in self.fastenings.list_still(state):
             return 0.0
         is_simple = (
             body.is_boxy
@@ -161,9 +110,8 @@ class SupportTrials:
             with self.world() as world:
                 for other in beneath.bodies:
                     world.add(other.body, other.placement.pose, stands=other is not body)
-                self.fastenings.fasten(
-                    world, ((other.body.name, other.placement) for other in beneath.bodies)
-                )
+                there = ((other.body.name, other.placement) for other in beneath.bodies)
+                self.fastenings.fasten(world, there, state)
                 for _ in range(_STEPS):
                     world.step()
                 if not world.is_sane():
@@ -227,8 +175,14 @@ class GuideSearch:
         return self._known[key]
 
 
-# Time for the world to come to rest before an execution [s].
+# Time for the world to come to rest before an execution, and after holders let go [s].
 SETTLE_S = 0.1
+RELEASE_S = 0.5
+
+
+def _run_steps(world: World, duration_s: float) -> None:
+    for _ in range(round(duration_s / STEP_S)):
+        world.step()
 
 
 class Workcell:
@@ -262,6 +216,8 @@ class Workcell:
         watch
             Called with the robot after every simulation step.
         """
+        if skill.motion is None:
+            return self._execute_release(skill, state)
         none = self.task.facts.none
         try:
             planned = self.paths.of(skill, state)
@@ -293,6 +249,44 @@ class Workcell:
             except (UpsetError, np.linalg.LinAlgError) as error:
                 return self._draft(skill, around.present, around.absent, upset=str(error))
 
+    def frees(self, skill: Skill, state: State) -> bool:
+        """Return whether a skill without motion lets a holder go."""
+        return bool(self.fastenings.find_rearrangement(skill, state).freed)
+
+    def _execute_release(self, skill: Skill, state: State) -> Record:
+        """Let holders go in a world without the arm; what they held must stand."""
+        change = self.fastenings.find_rearrangement(skill, state)
+        around = self.surroundings.around_released(change.freed, state)
+        names = {body.body.name for body in around.bodies}
+        around = around.resting_on(*self.fastenings.basis(names, state))
+        record = self._draft(skill, around.present, around.absent)
+        with self.simulator.world() as world:
+            for body in around.bodies:
+                world.add(body.body, body.placement.pose)
+            there = [(body.body.name, body.placement) for body in around.bodies]
+            self.fastenings.fasten(world, there, state)
+            _run_steps(world, SETTLE_S)
+            stood = {name: world.pose(name) for name in names}
+            for name in change.freed:
+                if name in names:
+                    world.unfasten(name, TABLE)
+            _run_steps(world, RELEASE_S)
+            if not world.is_sane():
+                return replace(record, upset="the simulation blew up")
+            final = {name: world.pose(name) for name in names}
+            return replace(record, final=final, expected=stood, steps=world.steps)
+
+    def begin(self, runner: SkillRunner, skill: Skill, planned: PlannedSkill, state: State) -> None:
+        """Let a robot begin a skill with a motion."""
+        plain = [motion.motion for motion in planned.motions]
+        runner.begin(
+            planned.motions,
+            state,
+            self.guides.of(plain, state),
+            turn=self.fastenings.find_turn(skill, state),
+            held=set(self.task.scene.list_held(state)),
+        )
+
     def around(self, skill: Skill, state: State) -> Neighbourhood:
         """Return the neighbourhood of an execution, and all facts that it rests on.
 
@@ -304,7 +298,10 @@ class Workcell:
         return self._around(skill, state, self.paths.of(skill, state))
 
     def _around(self, skill: Skill, state: State, planned: PlannedSkill) -> Neighbourhood:
-        neighbourhood = self.surroundings.around(skill, planned.motions, state)
+        turn = self.fastenings.find_turn(skill, state)
+        neighbourhood = self.surroundings.around(skill, planned.motions, state, turn)
+        names = {body.body.name for body in neighbourhood.bodies}
+        neighbourhood = neighbourhood.resting_on(*self.fastenings.basis(names, state))
         return neighbourhood.resting_on(*self._rests_on(skill, state, planned))
 
     def _rests_on(self, skill: Skill, state: State, planned: PlannedSkill) -> tuple[State, State]:
@@ -347,7 +344,8 @@ class Workcell:
         for body in around.bodies:
             stands = body.body.name not in handled
             world.add(body.body, body.placement.pose, stands=stands)
-        self.fastenings.fasten(world, ((body.body.name, body.placement) for body in around.bodies))
+        there = ((body.body.name, body.placement) for body in around.bodies)
+        self.fastenings.fasten(world, there, state)
         first = plain[0]
         runner = SkillRunner(world, arm, scene, self.settings, first.tool)
         if watch is not None:
@@ -359,7 +357,7 @@ class Workcell:
             else:
                 runner.bring_out(first.visit.subject, state)
             runner.wait(SETTLE_S)
-            runner.begin(planned.motions, state, self.guides.of(plain, state))
+            self.begin(runner, skill, planned, state)
             for index, motion in enumerate(planned.motions):
                 if index or planned.travels_first:
                     runner.travel(motion)
@@ -368,7 +366,7 @@ class Workcell:
             stopped = runner.log.phase_now or "its way before anything was done"
         self._sense(runner, plain[-1], stopped)
         basis = around.present, around.absent
-        record = self._record(skill, state, plain, basis, runner)
+        record = self._record(skill, state, plain[-1], basis, runner)
         return replace(record, travels=planned.travels)
 
     def _first_opening(self, motion: LinearMotion) -> float:
@@ -395,46 +393,35 @@ class Workcell:
         self,
         skill: Skill,
         state: State,
-        planned: PlannedSkill,
+        planned: PlannedSkill | None,
         runner: SkillRunner,
         begin_s: float,
     ) -> Record:
-        """Return the record of a skill that a robot has just executed in a larger world.
+        """Return the record of a skill that was just executed in a larger world.
 
         Bodies that it does not handle are expected where they were when the skill began, and a
         placed part where it belongs on them: earlier skills account for their error.
         """
-        motions = [motion.motion for motion in planned.motions]
-        self._sense(runner, motions[-1], None)
+        last = None if planned is None else planned.motions[-1].motion
+        if last is not None:
+            self._sense(runner, last, None)
         none = self.task.facts.none
-        record = self._record(skill, state, motions, (none, none), runner)
-        visit, stood = motions[-1].visit, runner.log.stood
-        touching = {
-            name for pair in runner.log.last_pairs if visit.subject in pair for name in pair
-        }
-        carried: tuple[Pose, ...] = ()
-        if visit.event is Event.RELEASE and visit.subject in record.expected:
-            goal = record.expected[visit.subject]
-            carried = tuple(
-                stood[name].then(record.expected[name].inverse()).then(goal)
-                for name in sorted(touching & stood.keys() & record.expected.keys())
-            )
-        expected = {name: stood.get(name, pose) for name, pose in record.expected.items()}
-        pauses = tuple(runner.log.pauses)
+        record = self._record(skill, state, last, (none, none), runner)
+        stood = runner.log.stood | runner.turned
         return replace(
             record,
-            expected=expected,
+            expected={name: stood.get(name, pose) for name, pose in record.expected.items()},
             begin_s=begin_s,
-            pauses=pauses,
-            travels=planned.travels,
-            carried=carried,
+            pauses=tuple(runner.log.pauses),
+            travels=() if planned is None else planned.travels,
+            carried=() if last is None else _find_goals(last.visit, record, runner.log),
         )
 
     def _record(
         self,
         skill: Skill,
         state: State,
-        motions: Sequence[LinearMotion],
+        last: LinearMotion | None,
         basis: tuple[State, State],
         runner: SkillRunner,
     ) -> Record:
@@ -455,19 +442,19 @@ class Workcell:
             {pair: np.array(values) for pair, values in sorted(log.pairs.items())},
             {name: np.array(values) for name, values in log.moved.items() if name in known},
             {name: world.pose(name) for name in known},
-            self._expected(skill, state, motions[-1], known),
+            self._expected(skill, state, last, known),
             runner.sensed,
             steps=world.steps,
             beside=frozenset(log.beside),
         )
 
     def _expected(
-        self, skill: Skill, state: State, last: LinearMotion, names: Sequence[str]
+        self, skill: Skill, state: State, last: LinearMotion | None, names: Sequence[str]
     ) -> dict[str, Pose]:
         """Return the predicted poses; a held part is expected above the place of its grasp."""
         after = skill.prediction_in(state).apply(state)
         poses = self.task.scene.at(after)
-        if last.visit.event is Event.GRASP:
+        if last is not None and last.visit.event is Event.GRASP:
             lifted = plus(last.ends_at, last.grasp_tip, -1.0)
             poses[last.visit.subject] = last.visit.pose.moved(lifted)
         return {name: poses[name] for name in names if name in poses}
@@ -497,3 +484,15 @@ class Workcell:
             unsettled=unsettled,
             upset=upset,
         )
+
+
+def _find_goals(visit: Visit, record: Record, log: ContactLog) -> tuple[Pose, ...]:
+    """Return the goals of a placed part on the bodies that it touches, where these stand."""
+    goal = record.expected.get(visit.subject)
+    if goal is None or visit.event is not Event.RELEASE:
+        return ()
+    touching = {name for pair in log.last_pairs if visit.subject in pair for name in pair}
+    return tuple(
+        log.stood[name].then(record.expected[name].inverse()).then(goal)
+        for name in sorted(touching & log.stood.keys() & record.expected.keys())
+    )
