@@ -16,10 +16,16 @@ from rosbags.typesys.store import Typestore
 
 from skillplan.exporters.exporter import Exporter, Handover, quote, refuse_chance
 from skillplan.task import back_end
-from skillplan_ros2.skill_trajectory import Array, SkillTrajectory, split_seconds
+from skillplan_ros2.skill_trajectory import (
+    Array,
+    SkillTrajectory,
+    WorkholderTurn,
+    split_seconds,
+)
 from skillplan_ros2.timed_paths import NoTrajectory, TimedPlan, time_plan
 
 TRAJECTORY_TYPE: Final = "trajectory_msgs/msg/JointTrajectory"
+TURN_TYPE: Final = "trajectory_msgs/msg/MultiDOFJointTrajectory"
 TEXT_TYPE: Final = "std_msgs/msg/String"
 
 # Durations and times are in every store. Loading all types of a version would take longer than the
@@ -43,6 +49,27 @@ _FIELDS: Final = {
             "trajectory_msgs/JointTrajectoryPoint[] points",
         )
     ),
+    "geometry_msgs/msg/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/msg/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/msg/Transform": "\n".join(
+        ("geometry_msgs/Vector3 translation", "geometry_msgs/Quaternion rotation")
+    ),
+    "geometry_msgs/msg/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+    "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint": "\n".join(
+        (
+            "geometry_msgs/Transform[] transforms",
+            "geometry_msgs/Twist[] velocities",
+            "geometry_msgs/Twist[] accelerations",
+            "builtin_interfaces/Duration time_from_start",
+        )
+    ),
+    TURN_TYPE: "\n".join(
+        (
+            "std_msgs/Header header",
+            "string[] joint_names",
+            "trajectory_msgs/MultiDOFJointTrajectoryPoint[] points",
+        )
+    ),
 }
 
 
@@ -56,6 +83,7 @@ def list_message_types() -> Typestore:
 
 SKILL_TOPIC: Final = "/skillplan/skill"
 HAND_TOPIC: Final = "/skillplan/hand"
+WORKHOLDER_TOPIC: Final = "/skillplan/workholder"
 
 # The last release before a change of syntax, which older readers support.
 _BAG_VERSION: Final = 8
@@ -80,6 +108,7 @@ def write_bag(plan: TimedPlan, topic: str) -> dict[str, bytes]:
                     (SKILL_TOPIC, TEXT_TYPE),
                     (topic, TRAJECTORY_TYPE),
                     (HAND_TOPIC, TEXT_TYPE),
+                    *([(WORKHOLDER_TOPIC, TURN_TYPE)] if _has_turns(plan) else []),
                 )
             }
             for skill in plan.skills:
@@ -100,6 +129,38 @@ def _list_messages(
     yield topic, skill.begin_ns, _build_trajectory(types, joints, skill)
     for action in skill.hand:
         yield HAND_TOPIC, skill.begin_ns + action.after_ns, text(data=action.text)
+    for turn in skill.turns:
+        yield WORKHOLDER_TOPIC, skill.begin_ns + turn.after_ns, _build_turn(types, turn)
+
+
+def _has_turns(plan: TimedPlan) -> bool:
+    return any(skill.turns for skill in plan.skills)
+
+
+def _build_turn(types: Any, turn: WorkholderTurn) -> Any:
+    """Return the poses of a workholder in a turn as a message."""
+    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+    transform = types["geometry_msgs/msg/Transform"]
+    point = types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]
+    duration = types["builtin_interfaces/msg/Duration"]
+    stamp = types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+    return types[TURN_TYPE](
+        header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="world"),
+        joint_names=[turn.workholder],
+        points=[
+            point(
+                transforms=[
+                    transform(
+                        translation=vector(*pose.position), rotation=quaternion(*pose.orientation)
+                    )
+                ],
+                velocities=[],
+                accelerations=[],
+                time_from_start=duration(*split_seconds(time_ns)),
+            )
+            for time_ns, pose in zip(turn.times_ns, turn.poses, strict=True)
+        ],
+    )
 
 
 def _build_trajectory(types: Any, joints: tuple[str, ...], skill: SkillTrajectory) -> Any:
@@ -154,6 +215,30 @@ def _write_document(names: str, skill: SkillTrajectory) -> Iterator[str]:
         yield "  accelerations: []"
         yield "  effort: []"
         yield f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}"
+    for turn in skill.turns:
+        yield from _write_turn(skill, turn)
+
+
+def _write_turn(skill: SkillTrajectory, turn: WorkholderTurn) -> Iterator[str]:
+    begin_ns = skill.begin_ns + turn.after_ns
+    yield "---"
+    yield f"# turn of {quote(turn.workholder)} from {_format_s(begin_ns)} s on"
+    yield "header: {stamp: {sec: 0, nanosec: 0}, frame_id: world}"
+    yield f"joint_names: {json.dumps([turn.workholder])}"
+    yield "points:"
+    for time_ns, pose in zip(turn.times_ns, turn.poses, strict=True):
+        sec, nanosec = split_seconds(time_ns)
+        place, rotation = (
+            ", ".join(
+                f"{name}: {round(value, _DIGITS) + 0.0:.{_DIGITS}f}"
+                for name, value in zip("xyzw", values, strict=False)
+            )
+            for values in (pose.position, pose.orientation)
+        )
+        yield f"- transforms: [{{translation: {{{place}}}, rotation: {{{rotation}}}}}]"
+        yield "  velocities: []"
+        yield "  accelerations: []"
+        yield f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}"
 
 
 def _format_numbers(values: Array) -> str:
@@ -202,7 +287,7 @@ class Ros2Exporter(Exporter):
         @field_validator("topic")
         @classmethod
         def _is_free(cls, value: str) -> str:
-            if value in (SKILL_TOPIC, HAND_TOPIC):
+            if value in (SKILL_TOPIC, HAND_TOPIC, WORKHOLDER_TOPIC):
                 raise ValueError(f"{value} is the topic of texts; name another one")
             return value
 
@@ -221,9 +306,13 @@ class Ros2Exporter(Exporter):
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return that trajectories move only the arm."""
+        """Return that trajectories move only the arm, and what moves besides it."""
         where = f"the topic {HAND_TOPIC}" if self.options.format != "yaml" else "comments"
-        return (f"trajectories move the arm only; when the hand acts stands in {where}",)
+        words = f"trajectories move the arm only; when the hand acts stands in {where}"
+        if not _has_turns(self._plan(handover)):
+            return (words,)
+        where = f"the topic {WORKHOLDER_TOPIC}" if self.options.format != "yaml" else "documents"
+        return (words, f"poses of workholders in turns stand in {where} of their own")
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
         """Return the files of the bag, the text, or both."""

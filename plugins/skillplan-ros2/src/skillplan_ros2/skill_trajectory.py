@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.task.pose import Pose
+
 Array = NDArray[np.float64]
 
 NS_PER_S = 1_000_000_000
+# Poses of a turn per second, and at most.
+_POSES_PER_S, _MOST_POSES = 20, 2_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +30,26 @@ class HandAction:
 
     after_ns: int
     text: str
+
+
+@dataclass(frozen=True, slots=True)
+class WorkholderTurn:
+    """Motion of a workholder in a turn while the arm rests.
+
+    Parameters
+    ----------
+    after_ns
+        Time since the begin of the skill [ns].
+    times_ns
+        Times of the poses, strictly rising from 0 [ns].
+    poses
+        Motion of its bodies since its first orientation, in the world.
+    """
+
+    after_ns: int
+    workholder: str
+    times_ns: tuple[int, ...]
+    poses: tuple[Pose, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +72,7 @@ class SkillTrajectory:
     positions_rad: Array
     speeds_rad_per_s: Array
     hand: tuple[HandAction, ...]
+    turns: tuple[WorkholderTurn, ...] = ()
 
     @property
     def end_ns(self) -> int:
@@ -68,6 +95,7 @@ class TrajectoryPoints:
         self._positions = [np.asarray(begin_rad, dtype=float)]
         self._speeds = [np.zeros(len(begin_rad))]
         self._hand: list[HandAction] = []
+        self._turns: list[WorkholderTurn] = []
 
     def move(self, times_s: Array, positions_rad: Array, speeds_rad_per_s: Array) -> None:
         """Add a run from rest to rest.
@@ -100,6 +128,17 @@ class TrajectoryPoints:
         self._now_s += duration_s
         self._add(self._now_s, self._positions[-1], np.zeros(len(self._positions[-1])))
 
+    def turn(
+        self, duration_s: float, text: str, workholder: str, pose_at: Callable[[float], Pose]
+    ) -> None:
+        """Add a turn of a workholder, from its poses by the share of the time."""
+        count = min(_MOST_POSES, max(1, math.ceil(duration_s * _POSES_PER_S)))
+        shares = [number / count for number in range(count + 1)]
+        times_ns = tuple(_to_ns(share * duration_s) for share in shares)
+        poses = tuple(pose_at(share) for share in shares)
+        self._turns.append(WorkholderTurn(_to_ns(self._now_s), workholder, times_ns, poses))
+        self.act(duration_s, text)
+
     def of(self, skill: str, begin_ns: int) -> SkillTrajectory:
         """Return the trajectory of a skill that begins at a time."""
         return SkillTrajectory(
@@ -109,6 +148,7 @@ class TrajectoryPoints:
             np.array(self._positions),
             np.array(self._speeds),
             tuple(self._hand),
+            tuple(self._turns),
         )
 
     def _add(self, time_s: float, position: Array, speed: Array) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillplan.exporters.exporter import Handover, PlannedSkill
-from skillplan.task.motion import Event
+from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Tool
 from skillplan.task.skill import FeederClock
 from skillplan_pinocchio.arm_paths import MotionPaths, SkillPaths
@@ -61,9 +61,6 @@ def time_plan(handover: Handover, speed_fraction: float | None) -> TimedPlan:
         raise NoTrajectory(
             f"a joint trajectory is of one arm, and the task has {robots or 'none'}: export to csv"
         )
-    for planned in handover.skills:
-        if planned.skill.motion is None:
-            raise NoTrajectory(f"{planned.skill.name} is not a motion of the arm: export to csv")
     timing = _Timing(handover, speed_fraction)
     trajectories: list[SkillTrajectory] = []
     for skill in handover.skills:
@@ -86,18 +83,29 @@ class _Timing:
         scene = handover.task.scene
         self.limits = JointLimits.of(scene.robots[0].model).scaled(fraction)
         self.slow_zones = SlowZones.of(scene, scene.robots[0])
-        self.feeders = FeederClock()
+        self.feeders, self.scene = FeederClock(), scene
 
     def trajectory(self, planned: PlannedSkill, before: SkillTrajectory | None) -> SkillTrajectory:
         """Return the trajectory of a skill from the end of the one before."""
         begin_rad = None if before is None else before.positions_rad[-1]
-        paths = self._paths(planned, begin_rad)
-        points = TrajectoryPoints(paths.begin_rad)
         end_ns = 0 if before is None else before.end_ns
         begin_ns = end_ns + round(planned.skill.compute_wait_s(end_ns / NS_PER_S) * NS_PER_S)
-        for motion in paths.motions:
-            self._move(motion, points, planned, begin_ns / NS_PER_S)
+        if planned.skill.motion is None:
+            points = TrajectoryPoints(self._stand(planned) if begin_rad is None else begin_rad)
+            points.act(planned.skill.duration_s.at(planned.before), planned.skill.name)
+        else:
+            paths = self._paths(planned, begin_rad)
+            points = TrajectoryPoints(paths.begin_rad)
+            for motion in paths.motions:
+                self._move(motion, points, planned, begin_ns / NS_PER_S)
         return points.of(planned.skill.name, begin_ns)
+
+    def _stand(self, planned: PlannedSkill) -> Array:
+        """Return the posture in which the arm stands before a skill without motion."""
+        place, joints_rad = self.detector.paths.stand(planned.before)
+        if joints_rad is None:
+            raise NoTrajectory(f"the arm cannot stand where {place} has it")
+        return joints_rad
 
     def _paths(self, planned: PlannedSkill, begin_rad: Array | None) -> SkillPaths:
         name = planned.skill.name
@@ -112,6 +120,17 @@ class _Timing:
             raise NoTrajectory(f"swept finds no path for {name}: {paths.unfound.reason}")
         return paths
 
+    def _turn(self, planned: PlannedSkill, visit: Visit, points: TrajectoryPoints) -> None:
+        """Add the turn of a workholder."""
+        workholder = self.scene.find_workholder(visit.subject)
+        begin, end = map(workholder.find_orientation, (planned.before, planned.after))
+        points.turn(
+            visit.dwell_s,
+            f"turn {visit.subject}",
+            workholder.name,
+            lambda share: workholder.move(begin, end, share).then(workholder.orientations[begin]),
+        )
+
     def _move(
         self, paths: MotionPaths, points: TrajectoryPoints, planned: PlannedSkill, begin_s: float
     ) -> None:
@@ -125,7 +144,10 @@ class _Timing:
             down = zip(paths.strokes.down, paths.motion.least_times_s, strict=True)
             for path, least_s in down:
                 points.move(*self._run(path, paths.motion.tool, least_s))
-            points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}{torque}")
+            if visit.event is Event.TURN:
+                self._turn(planned, visit, points)
+            else:
+                points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}{torque}")
             for path in paths.strokes.up:
                 points.move(*self._run(path, paths.motion.tool_after))
         except ArithmeticError as error:

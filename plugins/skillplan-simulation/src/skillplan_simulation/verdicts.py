@@ -225,14 +225,10 @@ def _find_fault(
 
 
 def _find_moved(record: Record, turn: Visit | None, tolerances: Tolerances) -> str | None:
-    """Return the body that is farthest from where a turn, or no motion at all, must leave it."""
+    """Return the first body that is not where a turn, or no motion at all, must leave it."""
     place = "where it stood" if turn is None else f"where the turn to {turn.subject} takes it"
-    far = sorted(
-        record.expected,
-        key=lambda name: (-measure_offset_m(record.final[name], record.expected[name]), name),
-    )
-    for name in far:
-        final, expected = record.final[name], record.expected[name]
+    for name, expected in record.expected.items():
+        final = record.final[name]
         if measure_offset_m(final, expected) > _CREEP_M:
             return f"{name} {_describe_offset(final, expected, place)}"
         tilt_rad = measure_tilt_rad(final, expected)

@@ -171,9 +171,7 @@ class KinematicRun:
         tip = _make_pose(paths.motion.grasp_tip, rotation)
         return tip.inverse().then(paths.motion.visit.pose)
 
-    def _act(
-        self, paths: MotionPaths, later: Sequence[MotionPaths], after: State
-    ) -> None:
+    def _act(self, paths: MotionPaths, later: Sequence[MotionPaths], after: State) -> None:
         """Execute the action at a target while the arm stands."""
         visit, goals = paths.motion.visit, self.task.scene.at(after)
         subject, dwell_s = visit.subject, visit.dwell_s

@@ -37,9 +37,9 @@ class Turn:
     carried: frozenset[str]
     held: frozenset[str]
 
-    def at(self, share: float) -> Pose:
-        """Return the motion of its bodies since the begin, at a share of the turn in [0, 1]."""
-        return self.workholder.turn(self.begin, self.end, share)
+    def at(self, time_share: float) -> Pose:
+        """Return the motion of its bodies since the begin, after a share of the time in [0, 1]."""
+        return self.workholder.move(self.begin, self.end, time_share)
 
     @property
     def pivot(self) -> Pose:
@@ -193,7 +193,7 @@ class Fastenings:
                 appears.append((body, then.pose))
             elif before is not None and then is None:
                 vanishes.append(body.name)
-                if body.part_of and lead is None:
+                if lead is None:
                     lead = body.name, before.pose
         held, still_held = (set(scene.list_held(its)) for its in (state, after))
         placed = {

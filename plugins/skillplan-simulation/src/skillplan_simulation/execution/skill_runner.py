@@ -31,7 +31,6 @@ from skillplan_simulation.motions import (
     ArmMotion,
     PathSection,
     PosturePath,
-    Profile,
 )
 from skillplan_simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, TABLE, Arm, World
 
@@ -40,7 +39,7 @@ FEEL_FROM_M = 0.001
 
 _FEEL_SPEED_M_PER_S = 0.01
 _FELT_N = 0.2
-_PRESS_S = 0.4
+_PRESS_S, _RELAX_S = 0.4, 0.05
 _PRESS_SPEED_M_PER_S = 0.004
 # Mass of a screw at the bit [kg]. With its own mass of a gram, pressing it between arm and
 # workpiece would need more solver iterations.
@@ -116,6 +115,9 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     robot.sensed["fastening_force_n"] = float(np.mean(readings))
     robot.unbind()
     holds_product = bool(robot.scene.workholders or robot.scene.holders)
+    if holds_product:
+        # Contacts give back the depth to which the head was pressed.
+        robot.wait(_RELAX_S)
     if holds_product or not is_same_direction(motion.visit.along, DOWN):
         # The thread holds the screw against gravity.
         bearing = world.nearest(screw, through)
@@ -312,8 +314,7 @@ class SkillRunner(ControlledRobot):
                 world.unfasten(name, TABLE)
         world.carry(sorted(fixed), start)
         steps = max(1, round(duration_s / STEP_S))
-        profile = Profile(steps * STEP_S)
-        poses = (turn.at(profile.at(step * STEP_S)[0]).then(start) for step in range(steps + 1))
+        poses = (turn.at(step / steps).then(start) for step in range(steps + 1))
         for here, after in pairwise(poses):
             world.drive(here, after)
             self.step()

@@ -266,14 +266,14 @@ class Workcell:
             there = [(body.body.name, body.placement) for body in around.bodies]
             self.fastenings.fasten(world, there, state)
             _run_steps(world, SETTLE_S)
-            stood = {name: world.pose(name) for name in names}
+            stood = {name: world.pose(name) for name in world.bodies}
             for name in change.freed:
                 if name in names:
                     world.unfasten(name, TABLE)
             _run_steps(world, RELEASE_S)
             if not world.is_sane():
                 return replace(record, upset="the simulation blew up")
-            final = {name: world.pose(name) for name in names}
+            final = {name: world.pose(name) for name in world.bodies}
             return replace(record, final=final, expected=stood, steps=world.steps)
 
     def begin(self, runner: SkillRunner, skill: Skill, planned: PlannedSkill, state: State) -> None:
