@@ -199,7 +199,7 @@ class KinematicRun:
             self._dwell(dwell_s, {}, self._opening_m)
 
     def _turn(self, visit: Visit, after: State) -> None:
-        """Turn a workholder with all that it carries while the arm stands."""
+        """Turn a workholder with its bodies while the arm stands."""
         scene, begins = self.task.scene, dict(self._poses)
         workholder = scene.find_workholder(visit.subject)
         begin, end = (workholder.find_orientation(state) for state in (self._state, after))

@@ -232,7 +232,7 @@ def fix_joined(world: World, screw: Body) -> None:
 
 
 def list_fixed_to(world: World, held: Collection[str]) -> frozenset[str]:
-    """Return some bodies, and all that are fixed to them directly or through others."""
+    """Return some bodies, and the ones fixed to them directly or through others."""
     fixed = set(held)
     pairs = [pair for pair in world.fastened if TABLE not in pair]
     grows = True

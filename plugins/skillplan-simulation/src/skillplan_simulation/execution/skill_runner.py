@@ -301,7 +301,7 @@ class SkillRunner(ControlledRobot):
         self.wait(_REST_S)
 
     def _run_turn(self, turn: Turn, duration_s: float) -> None:
-        """Turn a workholder with all that is fixed to it; the other bodies follow by contact."""
+        """Turn a workholder with the bodies fixed to it; others follow by contact."""
         world, start = self.world, turn.pivot
         fixed = list_fixed_to(world, turn.held & world.numbers.keys())
         self.log.free |= turn.carried - fixed

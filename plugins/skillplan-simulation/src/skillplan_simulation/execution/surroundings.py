@@ -335,7 +335,7 @@ class Surroundings:
         return self._reaching_down([*own, *{*self._near[key], *turned}], state)
 
     def around_released(self, freed: Collection[str], state: State) -> Neighbourhood:
-        """Return bodies that holders let go, all that stand on them, and their supports."""
+        """Return bodies that holders let go, the ones upon them, and their supports."""
         above = [body for body in self._located if body.body.name in freed]
         for body in above:
             above += [
