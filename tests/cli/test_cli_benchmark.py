@@ -408,7 +408,7 @@ class TestRuns:
     @pytest.mark.slow(reason="a process that hangs; failures of learners in every run")
     def test_an_agent_that_hangs_is_ended(self, cli, learner, monkeypatch):
         """The others go on."""
-        monkeypatch.setattr("skillplan.benchmark.runs._GRACE_S", 8.0)
+        monkeypatch.setattr("skillplan.benchmark.runs._GRACE_S", 4.0)
         words = ("--only", SMALL, "--time-limit", "1", "--format", "json")
         done = cli("benchmark", "exact", f"{learner}:Sleeper", *words)
         by_agent = {row["agent"].rpartition(":")[2]: row["status"] for row in done.document["rows"]}
@@ -419,7 +419,7 @@ class TestRuns:
         """The same command continues."""
         path = tmp_path / "rows.json"
         words = [sys.executable, "-m", "skillplan", "benchmark", "exact", "random"]
-        words += ["--only", "board-[12]*", "--steps", "1000000", "--out", str(path)]
+        words += ["--only", "board-[12]*", "--time-limit", "1", "--out", str(path)]
         process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         until = time.monotonic() + 60
         while time.monotonic() < until:

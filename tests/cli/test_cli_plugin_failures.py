@@ -372,6 +372,7 @@ class TestTheProcess:
         assert "optimal" == json.loads(done.stdout)["status"]
         assert {"print", "raw", "program"} == set(done.stderr.split())
 
+    @pytest.mark.slow(reason="waits two seconds; limits of activities in every run")
     def test_does_not_hang_on_import_past_the_time_limit(self, board, ending):
         """Though it swallows every exception."""
         ending("solver", "import", HANG)
@@ -383,15 +384,14 @@ class TestTheProcess:
         )
 
     @pytest.mark.slow(reason="waits three seconds; a program that hangs in every run")
-    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     @pytest.mark.parametrize(
-        "words",
+        ("words", "number"),
         [
-            ("search-optimal", "BOARD", "--solver", "faulty"),
-            ("plugins",),
-            ("compare", "BOARD", "--solvers", "faulty"),
+            (("search-optimal", "BOARD", "--solver", "faulty"), signal.SIGINT),
+            (("plugins",), signal.SIGTERM),
+            (("compare", "BOARD", "--solvers", "faulty"), signal.SIGHUP),
         ],
-        ids=lambda words: words[0],
+        ids=["search-optimal", "plugins", "compare"],
     )
     def test_that_hangs_is_ended_by_the_first_signal(self, board, ending, words, number):
         """Within four seconds, though it swallows every exception."""

@@ -248,6 +248,7 @@ def test_a_signal_ends_it_in_order_before_the_command_is_even_imported(number):
     assert "Traceback" not in message
 
 
+@pytest.mark.slow(reason="waits two seconds; an exception that is lost in every run")
 def test_an_exception_of_a_signal_that_a_library_wraps_is_an_interruption(install, board):
     """As pydantic does while it builds what reads a file."""
     source = """

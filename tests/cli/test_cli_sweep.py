@@ -101,7 +101,7 @@ class TestOutput:
 
     def test_seeds_of_a_planner_get_no_interval(self, cli, board):
         """As in the tables of train and evaluate."""
-        words = ("--solver", "learned-model", "-O", "steps=300", "--runs", "3")
+        words = ("--solver", "learned-model", "-O", "steps=60", "--runs", "3")
         document = cli("sweep", board, *words, "--format", "json").document
         assert [True] * 3 == [run["planned"] for run in document["runs"]]
         (setting,) = document["settings"]

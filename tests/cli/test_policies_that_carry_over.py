@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from relational_runs import nearest_first_run
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = str(CONFIGS / "inverter_board.yaml")
@@ -17,7 +18,14 @@ def run(tmp_path):
     return str(nearest_first_run(tmp_path / "run"))
 
 
-@pytest.mark.parametrize("config", ["inverter_board", "relay_rail", "motor_drive"])
+@pytest.mark.parametrize(
+    "config",
+    [
+        "inverter_board",
+        "relay_rail",
+        slow_case("motor_drive", reason="a search of seconds; two boards in every run"),
+    ],
+)
 def test_a_policy_is_tried_on_any_task(cli, run, config):
     """And held against the proved optimum, as a sequence is."""
     task = str(CONFIGS / f"{config}.yaml")
@@ -35,7 +43,7 @@ def test_it_answers_without_torch(cli, run, monkeypatch):
     for name in [module for module in sys.modules if module.partition(".")[0] == "skillplan_torch"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    outcome = cli("evaluate", run, "--task", str(CONFIGS / "gear_unit.yaml"), "--format", "json")
+    outcome = cli("evaluate", run, "--task", BOARD, "--format", "json")
     assert (0, "") == (outcome.code, outcome.err)
     assert outcome.document["complete"]
 

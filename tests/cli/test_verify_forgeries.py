@@ -250,7 +250,7 @@ class TestAProofThatCannotBeRepeated:
     def test_the_optimum_of_a_plan_that_holds_is_not_confirmed(self, cli, large, tmp_path):
         """The plan and its cost hold, and the summary names what was not checked."""
         folder = tmp_path / "run"
-        words = ("--solver", "exact", "--time-limit", "3", "--out", str(folder))
+        words = ("--solver", "exact", "--time-limit", "1", "--out", str(folder))
         cli("search-optimal", str(large), *words)
         forge(folder, lambda d: d.update(status="optimal", lower_bound=d["cost"], gap=0.0))
         forge(folder, lambda d: d.update(bound_method="audited", reason=""))

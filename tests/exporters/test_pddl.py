@@ -252,7 +252,7 @@ class TestFastDownward:
         assert (2_540_905 if limit == 6 else None) == answer.cost
         assert (limit == 5) == answer.unsolvable
 
-    @pytest.mark.parametrize("seeds", seed_blocks(3, 20, 200, reason="three boards in every run"))
+    @pytest.mark.parametrize("seeds", seed_blocks(2, 14, 200, reason="two boards in every run"))
     def test_proves_what_exact_search_proves_with_one_to_four_tools(self, planner, tmp_path, seeds):
         """The exported plan costs what the result costs, and no plan costs less."""
         for seed in seeds:

@@ -121,9 +121,9 @@ def test_an_interruption_ends_what_runs_with_what_it_has_and_begins_no_other():
     stop = Stop()
     terms = Terms(load_problem(OPEN), Setup())
     begun_s = time.monotonic()
-    threading.Timer(4.0, stop.interrupt).start()
+    threading.Timer(2.0, stop.interrupt).start()
     rows = rows_side_by_side(terms, ["exact", "local-search", "exact"], 2, {}, stop)
-    assert time.monotonic() - begun_s < 12.0
+    assert time.monotonic() - begun_s < 10.0
     assert [row.solver for row in rows] == ["exact", "local-search"]
     assert all(row.interrupted for row in rows)  # type: ignore[union-attr]
 
@@ -131,6 +131,7 @@ def test_an_interruption_ends_what_runs_with_what_it_has_and_begins_no_other():
 def test_limits_hold_for_each():
     """Time counts from the beginning of each search."""
     problem = load_problem(OPEN)
-    rows = compare_solvers(problem, ["exact", "exact"], jobs=2, limits={"time_limit_s": 2.0})
-    assert [row.status for row in rows] == ["solved", "solved"]  # type: ignore[union-attr]
-    assert all(row.wall_s < 6.0 for row in rows)
+    rows = compare_solvers(problem, ["exact", "exact"], jobs=2, limits={"time_limit_s": 0.5})
+    # With or without a plan, depending on the machine.
+    assert {row.status for row in rows} <= {"solved", "unsolved"}  # type: ignore[union-attr]
+    assert all(row.wall_s < 5.0 for row in rows)

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system can
 PATIENCE_S = 30
 PROGRAM = """\
 import os, signal, sys, threading, time
+from skillplan.workers import supervisor
 from skillplan.workers.supervised import doing, limit_command
 from skillplan.workers.supervisor import supervise
 from skillplan.cli.interruption import handle_signals
@@ -35,6 +36,8 @@ def interrupt(number, frame):
     raise KeyboardInterrupt
 
 
+# Shorter than in the product, so that tests do not wait.
+supervisor._PATIENCE_S, supervisor._LAST_PATIENCE_S, supervisor._EXIT_S = 0.4, 0.6, 1.0
 sys.exit(supervise(lambda: command, report, interrupt))
 """
 SEGFAULT = "os.kill(os.getpid(), signal.SIGSEGV)"
@@ -125,9 +128,8 @@ class TestExitCodes:
         """Libraries crash while the interpreter ends."""
         assert (1, "", "") == run(f"import atexit\natexit.register(lambda: {end})\nreturn 1")
 
-    @pytest.mark.slow(reason="waits five seconds; a crash after the code is in every run")
     def test_a_thread_does_not_keep_the_program(self):
-        """It is killed five seconds after the command has ended."""
+        """It is killed some time after the command has ended."""
         begin_s = time.monotonic()
         assert 0 == run("threading.Thread(target=time.sleep, args=(600,)).start()\nreturn 0")[0]
         assert time.monotonic() - begin_s < PATIENCE_S
@@ -165,7 +167,7 @@ class TestSignals:
         assert 130 == process.returncode
         await_end(other)
 
-    @pytest.mark.slow(reason="waits five seconds; a command without a reaction is in every run")
+    @pytest.mark.slow(reason="waits seconds; a command without a reaction is in every run")
     def test_a_command_that_writes_its_result_is_given_time(self):
         """Longer than a search that does not stop at all."""
         body = """
@@ -175,7 +177,7 @@ class TestSignals:
                     print("begun", flush=True)
                     while not requested:
                         time.sleep(0.01)
-                time.sleep(4)
+                time.sleep(1.5)
             return 0
         """
         process = start(body)
@@ -184,7 +186,7 @@ class TestSignals:
         assert ("", "") == process.communicate(timeout=PATIENCE_S)
         assert 0 == process.returncode
 
-    @pytest.mark.slow(reason="waits three seconds; a command that hangs in every run")
+    @pytest.mark.slow(reason="waits seconds; a command that hangs in every run")
     def test_a_search_that_does_not_stop_is_left_by_an_exception(self):
         """Which leaves what it has found so far."""
         body = """
@@ -194,7 +196,7 @@ class TestSignals:
                         print("begun", flush=True)
                         time.sleep(600)
                 except SearchStopped:
-                    time.sleep(2)
+                    time.sleep(1)
                     return 0
         """
         process = start(body)
@@ -342,7 +344,6 @@ class TestLimits:
         assert 2 == code
         assert "the import of x took longer than 0.3 s" in out
 
-    @pytest.mark.slow(reason="waits two seconds; an activity that is ended is in every run")
     def test_an_activity_that_ends_past_its_limit_after_all_is_forgiven(self):
         """A solver returns its best plan at the exception."""
         body = """
@@ -350,7 +351,7 @@ class TestLimits:
                 with doing("the search", limit_s=0.3):
                     time.sleep(600)
             except KeyboardInterrupt:
-                time.sleep(2)
+                time.sleep(0.3)
                 return 0
         """
         assert (0, "", "") == run(body)

@@ -61,6 +61,22 @@ def written(eight):
     return build_task(*eight)
 
 
+@pytest.fixture(scope="module")
+def screwed():
+    """A plate that one screw holds on its base: product, relation and plan."""
+    solids = {
+        "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 2, 10),
+        "plate": box(0, 0, 20, 60, 40, 30) - rod(30, 20, 20, 2, 10),
+        "M4 screw": rod(30, 20, 15, 2, 15) + rod(30, 20, 30, 4, 3),
+    }
+    return relate(product_of(solids))
+
+
+@pytest.fixture(scope="module")
+def screwed_task(screwed):
+    return build_task(*screwed)
+
+
 def test_the_plan_of_eight_parts_is_the_cheapest_and_needs_no_turn_and_no_second_hand(eight):
     plan = eight[2]
     assert (plan.base, plan.complete, plan.cheapest) == ("base", True, True)
@@ -92,15 +108,9 @@ def test_identical_parts_come_from_one_feeder_and_screws_go_to_their_holes(writt
     assert written.limits == {}
 
 
-def test_a_head_is_seated_on_the_face_below_it_though_the_shank_fills_its_hole():
+def test_a_head_is_seated_on_the_face_below_it_though_the_shank_fills_its_hole(screwed_task):
     """No play between shank and plate: both faces belong to one contact."""
-    screw = rod(30, 20, 15, 2, 15) + rod(30, 20, 30, 4, 3)
-    solids = {
-        "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 2, 10),
-        "plate": box(0, 0, 20, 60, 40, 30) - rod(30, 20, 20, 2, 10),
-        "M4 screw": screw,
-    }
-    document = build_task(*relate(product_of(solids))).document
+    document = screwed_task.document
     assert document["screws"]["M4_screw"]["hole_m"][2] == pytest.approx(0.030, abs=1e-6)
     assert document["screws"]["M4_screw"]["head_height_m"] == pytest.approx(0.003, abs=1e-6)
 
@@ -177,9 +187,9 @@ def test_shanks_of_screws_hang_clear_of_the_table_in_their_feeder(written):
     assert "height_m" not in feeders["post_1_feeder"]
 
 
-def test_the_file_is_what_the_document_says_and_the_same_every_time(eight, written):
-    assert yaml.safe_load(written.files["product.yaml"]) == written.document
-    assert build_task(*eight).files == written.files
+def test_the_file_is_what_the_document_says_and_the_same_every_time(screwed, screwed_task):
+    assert yaml.safe_load(screwed_task.files["product.yaml"]) == screwed_task.document
+    assert build_task(*screwed).files == screwed_task.files
 
 
 def finder_of(solid, name="part"):
@@ -302,11 +312,11 @@ def test_what_finds_no_place_is_named():
     assert lay_out_table((0.12, 0.10, 0.05), items, reach_m=0.855).without
 
 
-def test_the_task_is_of_the_arm_that_was_asked_for(eight, written):
+def test_the_task_is_of_the_arm_that_was_asked_for(screwed, screwed_task):
     """Its name, its reach, what it carries."""
-    document = build_task(*eight, robot="ur5e").document
+    document = build_task(*screwed, robot="ur5e").document
     assert (document["robot"]["name"], document["robot"]["model"]) == ("ur5e", "ur5e")
-    assert document["parts"].keys() == written.document["parts"].keys()
+    assert document["parts"].keys() == screwed_task.document["parts"].keys()
     starts = [part["start_m"] for part in document["parts"].values() if "start_m" in part]
     assert all(math.hypot(*place) < 0.85 for place in starts)
 

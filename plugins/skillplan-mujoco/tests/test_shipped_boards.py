@@ -30,10 +30,11 @@ BOARDS = {
     for path in (STARTER, *sorted([*CONFIGS.glob("*.yaml"), *ROOT.glob("examples/*.yaml")]))
     if "\nkind: assembly" in path.read_text("utf-8")
 }
-# Boards of which the whole suite has a plan by pybullet: jaws, cups, screws and a feeder.
-BY_PYBULLET = ("starter", "drawer_module", "inverter_board")
+# Boards of which the whole suite has a plan by pybullet: jaws, cups, screws, a press and feeders.
+BY_PYBULLET = ("starter", "cell_tools")
 # Boards of which the whole suite has none: others have the same kinds of skills.
-LONG = ("cell_alternatives", "cell_cost", "cell_fits", "cell_grips", "cell_tray", "gearbox")
+LONG = ("cell_alternatives", "cell_cost", "cell_fits", "cell_grips", "cell_screws", "cell_tray")
+LONG += ("gear_unit", "gearbox")
 LONG += ("inverter_time", "mini_pc", "motor_drive", "pcb", "pump")
 PRODUCTS = (
     "battery_module",
