@@ -128,7 +128,7 @@ def test_the_arm_waits_for_parts_and_feeders_as_long_as_the_costs_say():
         [step.duration_s for step in walked.steps], abs=1e-6
     )
     waited = {step.skill for step in walked.steps if step.wait_s}
-    assert waited == {"pick(nut_1)", "pick(box_2)", "pick(box_3)"}
+    assert waited == {"pick(nut_1)", "pick(box_1)", "pick(box_2)", "pick(box_3)"}
 
 
 def test_nothing_touches_in_it(motion):

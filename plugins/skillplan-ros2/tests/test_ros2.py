@@ -183,6 +183,22 @@ def test_names_of_skills_and_what_the_hand_does_stand_beside_them(bag):
         assert not item.speeds[begin : begin + 2].any(), text
 
 
+@pytest.mark.slow(reason="a plan of 20 skills; trajectories without waits in every run")
+def test_skills_begin_after_the_waits_and_screws_have_their_torque(tmp_path):
+    task = load_problem(CONFIGS / "cell_arrivals.yaml").task
+    setup = Setup(collision=("swept",))
+    model = make_model(task, setup)
+    plan = task.parse_sequence("0,1,10,11,8,9,2,3,12,13,19,20,21,18,4,5,15,16,6,7")
+    handover = make_handover(model, setup, replay(model, plan))
+    bag = written(tmp_path, handover)
+    ends_s = [item.time_ns / 1e9 + item.times_ns[-1] / 1e9 for item in trajectories(bag)]
+    durations_s = [step.duration_s for step in handover.plan.steps]
+    # With a feeder's cycle, no long travel counts as faster than by the task's speed.
+    assert ends_s[:14] == pytest.approx(list(np.cumsum(durations_s[:14])), abs=1e-6)
+    texts = [message.data for _, message in read(bag, "/skillplan/hand")]
+    assert "drive screw_1 with 0.9 N m" in texts
+
+
 def test_as_text_it_says_the_same_in_nine_digits(tmp_path):
     """A document a message, with the fields of ROS 2 in their order; both may be asked for."""
     folder = written(tmp_path, solved_lid(lid_task()), format="both", topic="/arm/go")

@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan import Setup, SkillModel, Status, load_problem, solve
+from skillplan import Setup, SkillModel, Status, load_problem, make_model, solve
 from skillplan.errors import TaskError
 from skillplan.model import SequencingProblem
 from skillplan.pipeline import make_feasibility
@@ -240,3 +240,62 @@ def test_a_shank_needs_to_know_the_part_that_it_goes_through(faults):
     screw = {"tool": "driver", "hole_m": [0.42, 0.03], "through": "clip_1", "size": "M3"}
     (message,) = faults(screws={"screw": {**screw, "length_m": 0.01}})
     assert message.startswith("'clip_1' may be at another place, as it is interchangeable.")
+
+
+SCREW_TRAY = {
+    "kind": "assembly",
+    "name": "cell",
+    "robot": {"model": "panda", "home_m": [0.35, 0.0], "safe_height_m": 0.2},
+    "tools": {
+        "driver": {
+            "type": "screwdriver",
+            "length_m": 0.17,
+            "bit_length_m": 0.03,
+            "holder_m": [0.25, 0.4],
+            "envelope_m": [0.04, 0.04, 0.1],
+        }
+    },
+    "initial_tool": "driver",
+    "trays": {"rack": {"at_m": [0.42, -0.3], "pattern": {"grid": [2, 1], "pitch_m": [0.02, 0.02]}}},
+    "parts": {"plate": {"fixed": True, "size_m": [0.1, 0.1, 0.02], "goal_m": [0.5, 0.1]}},
+    "screws": {
+        "screw": {
+            "count": 2,
+            "tool": "driver",
+            "start_in": "rack",
+            "through": "plate",
+            "hole_m": [0.48, 0.1],
+            "hole_pattern": {"grid": [2, 1], "pitch_m": [0.05, 0.05]},
+        },
+        "tall": {
+            "tool": "driver",
+            "start_m": [0.46, -0.3, 0.01],
+            "head_height_m": 0.05,
+            "through": "plate",
+            "hole_m": [0.5, 0.14],
+        },
+    },
+}
+
+
+def test_a_screw_is_an_obstacle_at_its_start_until_it_is_fetched(tmp_path):
+    """A tall head meets the driver that takes the screw in the pocket next to it."""
+    path = tmp_path / "cell.yaml"
+    path.write_text(yaml.safe_dump(SCREW_TRAY))
+    task = load_problem(path).task
+    fasten, tall = task.skill("fasten(screw_2)"), task.skill("fasten(tall)")
+    assert fasten.motion.visits(task.initial)[0].position == pytest.approx((0.44, -0.3, 0.01))
+    model = make_model(task, BOXES)
+    blocked = model.verdict(task.initial, fasten)
+    assert not blocked.is_feasible
+    assert "tall" in blocked.reason
+    assert model.verdict(task.initial, task.skill("fasten(screw_1)")).is_feasible
+    after = model.transition(task.initial, tall).next_state
+    assert model.verdict(after, fasten).is_feasible
+
+
+def test_screws_of_a_tray_with_narrow_pockets_meet(tmp_path):
+    path = tmp_path / "cell.yaml"
+    path.write_text(yaml.safe_dump(SCREW_TRAY))
+    with pytest.raises(TaskError, match="meets that of 'screw_1'"):
+        load_problem(path, changes={"screws.screw.head_diameter_m": "0.03"})

@@ -174,7 +174,7 @@ def test_a_feeder_is_as_high_as_the_shank_is_long():
     content = content_of()
     content["feeders"]["rack"]["height_m"] = 0.0
     (fault,) = faults_of(content)
-    assert "its shank is 0.02 m long. Give height_m: 0.02 or more." in fault
+    assert "its shank is 0.02 m long. Give a height of 0.02 m or more." in fault
 
 
 def test_a_rack_has_holes_for_the_screws_that_stand_in_it():

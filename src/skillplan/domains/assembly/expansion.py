@@ -23,7 +23,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 # Keys that only entries to be written out have, by section.
 _KEYS = {
     "parts": ("count", "start_in", "start_pattern", "goal_pattern", "interchangeable"),
-    "screws": ("count", "hole_pattern"),
+    "screws": ("count", "start_in", "start_pattern", "hole_pattern"),
 }
 # Keys of an entry that name other parts.
 _REFERENCES = ("start_on", "goal_on", "through", "into", "made_of")
@@ -198,7 +198,10 @@ class _Expansion:
                         words = "several levels need the height of the first: give x y z [m]."
                         self._fault(words, section, name, f"{key}_m")
             if index < len(pockets):
-                self._lay_in_tray(new, entry["start_in"], pockets[index])
+                tray, number = pockets[index]
+                new["start_m"] = list(tray.pocket(number))
+                if section == "parts":
+                    self._lay_on_tray(new, entry["start_in"], tray)
                 self.sources[*here, "start_m"] = (section, name, "start_in")
             if section == "parts":
                 self._write_class(new, name, entry, count)
@@ -240,8 +243,10 @@ class _Expansion:
             return
         shared = any(self._is_paired(entry, key, count) for key in ("goal_on", "through"))
         if section == "screws":
-            if "hole_pattern" not in entry:
-                self._fault(f"{count} screws need 'hole_pattern'.", section, name, "count")
+            for key, needed in (("hole", True), ("start", "start_m" in entry)):
+                if needed and f"{key}_pattern" not in entry:
+                    words = f"{count} screws need '{key}_pattern'."
+                    self._fault(words, section, name, "count")
             return
         starts = ("feeder", "start_in", "start_pattern")
         is_laid = any(key in entry for key in starts) or self._is_paired(entry, "start_on", count)
@@ -302,10 +307,8 @@ class _Expansion:
         return [(tray, index) for index in range(first, first + count)]
 
     @staticmethod
-    def _lay_in_tray(new: dict[str, Any], name: str, pocket: tuple[TrayConfig, int]) -> None:
-        """Set the start of an entry to a pocket."""
-        tray, index = pocket
-        new["start_m"] = list(tray.pocket(index))
+    def _lay_on_tray(new: dict[str, Any], name: str, tray: TrayConfig) -> None:
+        """Let a part lie on its tray, turned with it."""
         new["start_on"] = name
         yaw_rad = new.get("start_yaw_rad", 0.0)
         if tray.yaw_rad and "start_rpy_rad" not in new and isinstance(yaw_rad, int | float):

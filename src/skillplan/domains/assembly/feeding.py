@@ -174,7 +174,7 @@ def _list_others(
         yield tool.holder, least_s, tool.holder
     for name, screw in config.screws.items():
         hole = layout.hole(screw)
-        begin = hole if screw.feeder is None else config.feeders[screw.feeder].position
+        begin = layout.fetch(screw) or hole
         yield begin, _travel_s(config, begin, hole) + driving_s(name), hole
     for name in config.works:
         points = list_work_points(config, name)

@@ -203,7 +203,10 @@ def _list_places(
             solid = layout.buffered(name, buffer)
             yield ("buffers", buffer, "at_m"), *_measure_load(solid, part, spare_m)
     for name, screw in config.screws.items():
-        yield ("screws", name, "hole_m"), layout.hole(screw), 0.0, abs(beyond_m[screw.tool])
+        spare_m = abs(beyond_m[screw.tool])
+        yield ("screws", name, "hole_m"), layout.hole(screw), 0.0, spare_m
+        if screw.start_m is not None and (place := layout.fetch(screw)) is not None:
+            yield ("screws", name, "start_m"), place, 0.0, spare_m
     for path, point in _list_work_places(config):
         yield path, point, beyond_m[config.works[str(path[1])].tool], 0.0
 

@@ -167,6 +167,7 @@ class _Grounding:
                     else f"at_start({name})"
                     for name, part in config.parts.items()
                 ),
+                *(f"at_start({n})" for n, s in config.screws.items() if s.start_m is not None),
                 NO_TOOL if config.initial_tool is None else f"tool({config.initial_tool})",
                 HAND_FREE,
                 f"at({HOME})",
@@ -612,10 +613,11 @@ class _Grounding:
             for aside_m in list_asides_m(chosen, name, turn.motion)
         ]
         fetch: tuple[Visit, ...] = ()
-        if screw.feeder is not None:
+        place = self.layout.fetch(screw)
+        if place is not None:
             fetch_s = find_dwell_s("fetch", config.durations_s, *owners)
-            feeder = Pose(config.feeders[screw.feeder].position)
-            fetch = (Visit(feeder, Event.FETCH, name, dwell_s=fetch_s),)
+            fetch = (Visit(Pose(place), Event.FETCH, name, dwell_s=fetch_s),)
+        start = [] if screw.start_m is None else [f"at_start({name})"]
         ways = [(_label_aside(drive), (*fetch, drive)) for drive in drives]
         return self._build_skill(
             "fasten",
@@ -623,13 +625,14 @@ class _Grounding:
             requires=[
                 HAND_FREE,
                 f"tool({tool})",
+                *start,
                 *self._list_threads(screw),
                 *self._list_works_before(name),
                 *_list_fact(turn),
             ],
             forbids=[f"fastened({name})"],
             add=[f"fastened({name})"],
-            delete=[],
+            delete=start,
             ends_at=f"{name}{turn.label}",
             routes={None: ways[0][1]},
             ways=ways if len(ways) > 1 else (),
@@ -1014,11 +1017,14 @@ def _build_screw(config: AssemblyConfig, name: str) -> Body:
     height_m = screw.head_height_m
     head = Cylinder(screw.head_diameter_m, height_m, (0.0, 0.0, height_m / 2))
     fact = "single" if name in config.joined_in else "fastened"
-    driven = Placement(f"{fact}({name})", get_layout(config).hole_pose(screw))
+    layout = get_layout(config)
+    driven = Placement(f"{fact}({name})", layout.hole_pose(screw))
+    place = None if screw.start_m is None else layout.fetch(screw)
+    stands = () if place is None else (Placement(f"at_start({name})", Pose(place)),)
     return Body(
         name,
         (head,),
-        turn_placements((driven,), list_orientations(config, name)),
+        (*stands, *turn_placements((driven,), list_orientations(config, name))),
         screw.mass_kg,
         shank=find_shank(config, name),
         joins=(screw.through, *screw.into_names),

@@ -123,6 +123,13 @@ class Layout:
             self._buffered[key] = self._place(name, place.at_m, place.turn_rad, beneath)
         return self._buffered[key]
 
+    def fetch(self, screw: ScrewConfig) -> Point | None:
+        """Return where a tool fetches a screw [m]: in a feeder or at its start; None for none."""
+        if screw.start_m is not None:
+            x_m, y_m, z_m = screw.start_m
+            return (x_m, y_m, z_m)
+        return None if screw.feeder is None else self.config.feeders[screw.feeder].position
+
     def hole(self, screw: ScrewConfig) -> Point:
         """Return the mouth of a screw's hole [m]: as given, or at the surface of its part."""
         if len(screw.hole_m) > 2:

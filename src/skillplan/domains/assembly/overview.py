@@ -46,12 +46,15 @@ def find_hints(config: AssemblyConfig) -> Iterator[Issue]:
 def _find_idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield dwell times that no skill uses."""
     for name, screw in config.screws.items():
-        if screw.feeder is None and "fetch" in list_given_kinds(screw):
-            message = f"has no effect, as {name!r} comes from no feeder. Give one, or leave it out."
+        is_brought = screw.feeder is None and screw.start_m is None
+        if is_brought and "fetch" in list_given_kinds(screw):
+            message = (
+                f"has no effect, as {name!r} is fetched nowhere. Give a feeder, or leave it out."
+            )
             yield Issue(message, ("screws", name, "durations_s", "fetch"))
     for name, tool in config.tools.items():
         screws = [screw for screw in config.screws.values() if screw.tool == name]
-        fetched = any(screw.feeder is not None for screw in screws)
+        fetched = any(screw.feeder or screw.start_m for screw in screws)
         holds = any(part.tool == name for part in config.parts.values())
         is_used = {"pick": holds, "place": holds, "fasten": bool(screws), "fetch": fetched}
         for kind in list_given_kinds(tool):
@@ -201,7 +204,8 @@ def list_screws(config: AssemblyConfig) -> Overview:
         begin = f"screw      {name} {screw.describe()} through {screw.through}{into}{torque}"
         stands_in = [] if screw.shank is None else _list_feeder_bodies(config, name)
         if stands_in:
-            begin += f", in {screw.feeder} its shank is in {_join_names(stands_in)}"
+            where = "at its start" if screw.feeder is None else f"in {screw.feeder}"
+            begin += f", {where} its shank is in {_join_names(stands_in)}"
         lines.append(f"{begin}, driven in {driving.takes_s:.1f} s: {driving.source}")
         deep_m = driving.engagement_m
         entries.append(

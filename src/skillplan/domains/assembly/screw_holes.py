@@ -102,14 +102,15 @@ def measure_engagement_m(config: AssemblyConfig, name: str) -> float | None:
 def find_shank(config: AssemblyConfig, name: str) -> Shank | None:
     """Return the shank of a screw with the names of all bodies that have a hole for it.
 
-    They are the parts that it fastens, and the bodies in which it stands at its feeder.
+    They are the parts that it fastens, and the bodies in which it stands at its feeder or start.
     """
     screw = config.screws[name]
     shank = screw.shank
-    if shank is None or screw.feeder is None:
-        return shank
     layout = get_layout(config)
-    solid = Solid((shank.shape,), Pose(config.feeders[screw.feeder].position))
+    place = layout.fetch(screw)
+    if shank is None or place is None:
+        return shank
+    solid = Solid((shank.shape,), Pose(place))
     stands_in = tuple(
         body for body in (*config.parts, *config.fixtures) if _overlap(solid, layout.start(body))
     )
@@ -209,23 +210,49 @@ def find_shank_issues(config: AssemblyConfig) -> Iterator[Issue]:
                 f"(tools.{tool}.torque_nm). Take a stronger tool, or less torque."
             )
             yield Issue(message, ("screws", name, "torque_nm"))
+        yield from _find_start_issues(config, name)
         if screw.length_m is not None:
             yield from _find_feeder_issue(config, name)
             yield from _find_depth_issues(config, name)
             yield from _find_foreign_bodies(config, name)
 
 
+def _find_start_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+    """Yield another screw before this one whose head is at the same place at the start."""
+    screw, layout = config.screws[name], get_layout(config)
+    if screw.start_m is None:
+        return
+    for other, standing in config.screws.items():
+        if other == name:
+            return
+        places = layout.fetch(screw), layout.fetch(standing)
+        if standing.start_m is None or places[0] is None or places[1] is None:
+            continue
+        apart_m = math.dist(places[0][:2], places[1][:2])
+        width_m = (screw.head_diameter_m + standing.head_diameter_m) / 2
+        height_m = max(screw.head_height_m, standing.head_height_m)
+        if apart_m < width_m - TOUCH_M and abs(places[0][2] - places[1][2]) < height_m:
+            words = f"its head, {_show_mm(screw.head_diameter_m)} wide, meets that of {other!r}"
+            yield Issue(
+                f"{words}, {_show_mm(apart_m)} away. Move one of them.", ("screws", name, "start_m")
+            )
+            return
+
+
 def _find_feeder_issue(config: AssemblyConfig, name: str) -> Iterator[Issue]:
     screw = config.screws[name]
-    if screw.feeder is None or screw.length_m is None:
+    place = get_layout(config).fetch(screw)
+    if place is None or screw.length_m is None:
         return
-    height_m = config.feeders[screw.feeder].height_m
+    height_m = place[2]
     if height_m < screw.length_m - TOUCH_M:
         message = (
             f"the head of {name!r} is {height_m:g} m above the table, and its shank is "
-            f"{screw.length_m:g} m long. Give height_m: {screw.length_m:g} or more."
+            f"{screw.length_m:g} m long. Give a height of {screw.length_m:g} m or more."
         )
-        yield Issue(message, ("feeders", screw.feeder, "height_m"))
+        feeder = screw.feeder
+        here = ("screws", name, "start_m") if feeder is None else ("feeders", feeder, "height_m")
+        yield Issue(message, here)
 
 
 def _find_depth_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:

@@ -20,6 +20,7 @@ from skillplan.domains.assembly.schema_types import (
     Length,
     PlanarOrSpatial,
     ScrewDurations,
+    Spatial,
     is_absent,
     is_empty,
     make_unit,
@@ -136,7 +137,14 @@ class ScrewConfig(Strict):
     )
     feeder: Name | None = Field(
         None,
-        description="the feeder where the tool fetches it; left out: the tool brings it along",
+        description="the feeder where the tool fetches it; left out: from start_m, or the tool "
+        "brings it along",
+    )
+    start_m: Spatial | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="place of the underside of its head at the start, x y z: it stands upright in "
+        "a rack or tray [m]; instead of feeder",
     )
     size: Size | None = Field(
         None,
@@ -194,6 +202,18 @@ class ScrewConfig(Strict):
         None,
         exclude_if=is_absent,
         description="number of such screws, NAME_1, NAME_2 and so on; left out: one, NAME",
+    )
+    start_in: Name | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="the tray where it stands at the start, in the next free pocket, with its head "
+        "on the plate; of a count each goes to the hole of its number; instead of start_m",
+    )
+    start_pattern: PatternConfig | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="with 'count', places at the start, the first at start_m; left out: all come "
+        "from a tray or a feeder, or with the tool",
     )
     hole_pattern: PatternConfig | None = Field(
         None,
@@ -263,6 +283,12 @@ class ScrewConfig(Strict):
             return ""
         length = "" if self.length_m is None else f" x {self.length_m * 1e3:g}"
         return f"{self.size}{length} {self.head or _DEFAULT_HEAD}"
+
+    @model_validator(mode="after")
+    def _require_one_start(self) -> ScrewConfig:
+        if self.feeder is not None and self.start_m is not None:
+            raise Located("give one of 'feeder' and 'start_m', not both.", "start_m")
+        return self
 
     @model_validator(mode="after")
     def _require_size(self) -> ScrewConfig:

@@ -194,6 +194,9 @@ def list_facts(config: AssemblyConfig) -> Facts:
     ]
     more += [fact for group in (*turned, *holding) for fact in group]
     more += [*single, *apart]
+    standing = [name for name, screw in config.screws.items() if screw.start_m is not None]
+    more += [f"at_start({name})" for name in standing]
+    whereabouts += [(f"at_start({name})", f"fastened({name})") for name in standing]
     return Facts(
         (*parts, *screws, *works, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more, *where),
         (

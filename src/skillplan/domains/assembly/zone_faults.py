@@ -82,6 +82,8 @@ def _list_arm_places(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[
             yield ("buffers", buffer, "at_m"), words, [*map(pose.apply, tips)]
     for name, screw in config.screws.items():
         yield ("screws", name, "hole_m"), f"the hole of {name!r}", [_lift(layout.hole(screw))]
+        if screw.start_m is not None and (place := layout.fetch(screw)) is not None:
+            yield ("screws", name, "start_m"), f"the start of {name!r}", [_lift(place)]
     for name, work in config.works.items():
         if work.part in config.parts and work.tool in config.tools:
             for point in list_work_points(config, name):

@@ -64,7 +64,11 @@ def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> 
     in_hand = times(turned.T, convert_quaternion(driven.visit.pose.orientation))
     rotation = times(tip.rotation, in_hand)
     end = robot.tools.tool_tip() - body.height_m * rotation[:, 2]
-    world.add(body, make_pose(end, rotation))
+    if screw in world.numbers:
+        # It has stood in its tray.
+        world.put(screw, make_pose(end, rotation))
+    else:
+        world.add(body, make_pose(end, rotation))
     world.weigh(screw, _HELD_SCREW_KG)
     robot.bind(screw)
     robot.carry(screw)
