@@ -31,6 +31,10 @@ class HypotheticalStates:
             for fact in skill.prediction.add:
                 self._makers.setdefault(fact, []).append(skill)
         self._finished = self._finished_facts()
+        # A part that a holder may keep is taken as held: an order that holds nevertheless is true.
+        self._held = task.facts.of(
+            *(fact for holder in task.scene.holders for fact in holder.facts.values())
+        )
 
     def chain(self, component: str) -> list[Skill]:
         """Return the skills that bring only one component to its goal, in order."""
@@ -62,7 +66,7 @@ class HypotheticalStates:
             for name in routes[0].when:
                 state = self._bring(state, name, [])
         # Facts that the skill forbids, such as a part on it, are removed.
-        return state - skill.precondition.forbids
+        return (state | self._held) - skill.precondition.forbids
 
     def bring(self, state: State, component: str) -> tuple[State, list[Skill]]:
         """Return the state after a component is brought to its goal, and the skills for it."""

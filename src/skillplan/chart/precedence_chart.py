@@ -290,6 +290,9 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     # A part with a buffer or with several goals gets there in several ways; no order follows.
     placed = Counter(skill.parameters["part"] for skill in task.skills if skill.kind == "place")
     several = {name for name, count in placed.items() if count > 1}
+    if task.scene.workholders or any(holder.fixtures for holder in task.scene.holders):
+        # An order in one orientation, or among open jaws, need not hold in another.
+        several = set(task.operations)
     undecided += [f"place({name})" for name in task.operations if name in several]
     queries = [
         PrecedenceQuery(hypothetical, component, skill)

@@ -18,6 +18,7 @@ from .precedence import PrecedenceDetector as PrecedenceDetector
 from .solid import TOUCH_M as TOUCH_M
 from .solid import Solid as Solid
 from .solid import measure_union as measure_union
+from .stability import StabilityDetector as StabilityDetector
 from .standing import LeastHolds as LeastHolds
 from .standing import Standing as Standing
 from .standing import Touch as Touch
@@ -43,6 +44,7 @@ __all__ = [
     "NoPieces",
     "PrecedenceDetector",
     "Solid",
+    "StabilityDetector",
     "Standing",
     "Touch",
     "Weight",

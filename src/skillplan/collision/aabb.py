@@ -33,7 +33,7 @@ from skillplan.task.pose import DOWN, Point, Pose, cross, dot, is_same_direction
 from skillplan.task.scene import WORLD, Body, Placement, Robot, Scene, Tool, ToolKind, name_shank
 from skillplan.task.shape import Box
 from skillplan.task.skill import Skill
-from skillplan.task.state import State
+from skillplan.task.state import AND, State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan.task.zone import Mover, Zone, list_keep_outs
@@ -366,6 +366,8 @@ class AabbDetector(Detector):
         if self._arm_is_checked:
             return ()
         fitted = [b.name for b in self.task.scene.bodies if any(fit.stops for fit in b.fits)]
+        turning = [workholder.name for workholder in self.task.scene.workholders]
+        jaws = [name for holder in self.task.scene.holders for name in holder.fixtures]
         closed = [zone.name for zone in list_keep_outs(self.task.scene, "arm")]
         bare = [
             tool.name
@@ -386,6 +388,8 @@ class AabbDetector(Detector):
             *([f"the stops of fits at the goals of {', '.join(fitted)}"] if fitted else []),
             *([f"bits, cups and shanks of {without}"] if bare else []),
             *([f"bodies of the grippers {', '.join(hands)}, without envelope_m"] if hands else []),
+            *([f"collisions while {', '.join(turning)} turns"] if turning else []),
+            *([f"room for the jaws {', '.join(jaws)} to close"] if jaws else []),
         )
 
     def refuses(self) -> str | None:
@@ -413,7 +417,7 @@ class AabbDetector(Detector):
     def _cannot_judge_support(self) -> str | None:
         """Refuse supports by round or slanted faces, which boxes cannot represent."""
         for skill, visit in _list_visits(self.task):
-            if visit.event is Event.GRASP:
+            if visit.event is Event.GRASP or self._list_holding(visit.subject):
                 continue
             for ground in self._grounds((visit,)):
                 if ground.on_table or _bears(ground, ground.contacts):
@@ -437,6 +441,8 @@ class AabbDetector(Detector):
         """Check the motion of `skill`; see :meth:`BackEnd.check`."""
         facts = self.task.facts
         if skill.motion is None:
+            if skill.kind == "release" and self.options.check_support:
+                return self._check_release(skill, state)
             return Verdict.feasible(facts.none, facts.none)
         swept = self._swept_motion(skill, state)
         present, absent = swept.present, swept.absent
@@ -454,7 +460,20 @@ class AabbDetector(Detector):
                     },
                 )
             absent |= state.find_missing(hit.fact)
-        for ground in swept.grounds:
+        return self._check_grounds(swept.grounds, state, present, absent)
+
+    def _check_grounds(
+        self, grounds: Sequence[_Ground], state: State, present: State, absent: State
+    ) -> Verdict:
+        """Return whether bodies left behind have a support, or a holder."""
+        facts = self.task.facts
+        for ground in grounds:
+            held = self._list_holding(ground.body)
+            holding = next((fact for fact in held if fact in state), None)
+            if holding is not None:
+                present |= facts.of(holding)
+                continue
+            absent |= state.find_missing(*held)
             bearers = [contact for contact in ground.contacts if contact[0] in state]
             present |= facts.of(*(contact[0] for contact in bearers))
             absent |= state.find_missing(*(contact[0] for contact in ground.contacts))
@@ -473,6 +492,39 @@ class AabbDetector(Detector):
                     {"body": ground.body, "bodies": names, "possible_supports": possible},
                 )
         return Verdict.feasible(present, absent)
+
+    def _list_holding(self, body: str) -> list[str]:
+        """Return the facts that holders hold a body."""
+        holders = self.task.scene.holders
+        return [holder.facts[body] for holder in holders if body in holder.facts]
+
+    def _check_release(self, skill: Skill, state: State) -> Verdict:
+        """Return whether a part that a holder lets go of has a support, or is screwed or held."""
+        facts, part = self.task.facts, skill.parameters["part"]
+        body = self.task.scene.body(part)
+        here = body.placement(state)
+        done = self.task.operations[part]
+        if here is None or done not in state:
+            return Verdict.feasible(facts.none, facts.of(done) - state)
+        present = facts.of(*here.fact.split(AND), done)
+        for screw in self.task.scene.bodies:
+            if part in screw.joins and len(screw.joins) > 1:
+                driven = self.task.operations[screw.name]
+                if driven in state:
+                    return Verdict.feasible(present | facts.of(driven), facts.none)
+        opened = skill.prediction.delete
+        without = facts.state(state.bits & ~opened.bits)
+        visit = Visit(here.pose, Event.RELEASE, part)
+        verdict = self._check_grounds(tuple(self._grounds((visit,))), without, present, facts.none)
+        screws = facts.of(
+            *(
+                self.task.operations[screw.name]
+                for screw in self.task.scene.bodies
+                if part in screw.joins and len(screw.joins) > 1
+            )
+        )
+        absent = ((verdict.absent or facts.none) | screws) - opened
+        return replace(verdict, absent=absent)
 
     def _swept_motion(self, skill: Skill, state: State) -> _SweptMotion:
         assert skill.motion is not None

@@ -27,6 +27,8 @@ BOXES = "aabb"
 """The geometric detector that is always installed."""
 CHART = "precedence"
 """The detector that checks the hand-made chart of the task file, and no geometry."""
+STABILITY = "stability"
+"""The detector that checks that parts stand or are held; for files with workholders or holders."""
 BACK_END_KINDS = ("physics", "collision")
 
 
@@ -171,6 +173,8 @@ class Setup:
             return named
         if not named and task.scene.bodies:
             named = (self.geometric_detector(task),)
+        if task.scene.workholders or task.scene.holders:
+            named = tuple(dict.fromkeys((*named, STABILITY)))
         return (*named, CHART) if task.chart and self.with_chart else named
 
     def geometric_detector(self, task: Task) -> str:

@@ -539,6 +539,8 @@ class Holder:
         Name of the workholder that it turns along with; None if it stands in the world.
     force_n
         Force of its jaws [N]; None if it is not stated.
+    fixtures
+        Bodies that are there only while it holds a part.
     """
 
     name: str
@@ -546,6 +548,7 @@ class Holder:
     facts: Mapping[str, str]
     workholder: str | None = None
     force_n: float | None = None
+    fixtures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ from skillplan.domains.assembly.workholding import (
     list_orientations,
     list_ties,
     name_holding,
+    name_open,
     name_turned,
     turn_placements,
     turn_pose,
@@ -176,6 +177,7 @@ class _Grounding:
                     name_turned(name, next(iter(entry.orientations)))
                     for name, entry in config.workholders.items()
                 ),
+                *map(name_open, config.holders),
             ),
             goal=Condition(facts.of(*goal), facts.none),
             metric=make_metric(config.cost),
@@ -691,14 +693,13 @@ class _Grounding:
     def _build_holds(self, holder: str, part: str, label: str) -> Iterator[Skill]:
         """Yield the skills that close a holder on a part and open it, while the arm stands."""
         facts, entry = self.facts, self.config.holders[holder]
-        holds = name_holding(holder, part)
-        all_holds = [name_holding(holder, other) for other in entry.parts]
+        holds, is_open = name_holding(holder, part), name_open(holder)
         first = list_orientations(self.config, part)[0]
         in_first = [] if entry.turns else _list_fact(first)
         needed = [f"placed({part})"] if entry.kind == "clamp" else []
-        for kind, requires, forbids, add, delete in (
-            (entry.kind, [*needed, *in_first], all_holds, [holds], [CHANGED_TOOL]),
-            ("release", [holds], [], [], [holds, CHANGED_TOOL]),
+        for kind, requires, add, delete in (
+            (entry.kind, [is_open, *needed, *in_first], holds, is_open),
+            ("release", [holds], is_open, holds),
         ):
             name, parameters = f"{kind}({part}{label})", {"part": part, "holder": holder}
             duration_s = ConstantCost(entry.takes_s)
@@ -706,8 +707,8 @@ class _Grounding:
                 name=name,
                 kind=kind,
                 agents=(self.config.robot.name,),
-                precondition=Condition(facts.of(*requires), facts.of(*forbids)),
-                outcomes=(Outcome(1.0, facts.of(*add), facts.of(*delete)),),
+                precondition=Condition(facts.of(*requires), facts.none),
+                outcomes=(Outcome(1.0, facts.of(add), facts.of(delete, CHANGED_TOOL)),),
                 cost=self._choose_cost(kind, name, parameters, ConstantCost(0.0), duration_s),
                 duration_s=duration_s,
                 parameters=parameters,

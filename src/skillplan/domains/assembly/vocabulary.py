@@ -13,6 +13,7 @@ from skillplan.domains.assembly.workholding import (
     list_holds,
     list_orientations,
     name_holding,
+    name_open,
     name_turned,
 )
 from skillplan.task.state import Facts
@@ -189,7 +190,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
         for name, entry in config.workholders.items()
     ]
     holding = [
-        tuple(name_holding(name, part) for part in holder.parts)
+        (*(name_holding(name, part) for part in holder.parts), name_open(name))
         for name, holder in config.holders.items()
     ]
     more += [fact for group in (*turned, *holding) for fact in group]
@@ -206,7 +207,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
             *whereabouts,
             *(tuple(group) for group in holds.values() if len(group) > 1),
             *turned,
-            *(group for group in holding if len(group) > 1),
+            *holding,
         ),
     )
 

@@ -44,6 +44,11 @@ def name_holding(holder: str, part: str) -> str:
     return f"holds({holder}.{part})"
 
 
+def name_open(holder: str) -> str:
+    """Return the fact that a holder holds nothing."""
+    return f"open({holder})"
+
+
 def list_carried(config: AssemblyConfig, workholder: str) -> list[str]:
     """Return the parts and screws that turn with a workholder."""
     given = config.workholders[workholder].carries
@@ -201,6 +206,7 @@ def build_holders(config: AssemblyConfig) -> tuple[Holder, ...]:
             {part: name_holding(name, part) for part in entry.parts},
             find_holder_workholder(config, name),
             entry.force_n,
+            tuple(entry.fixtures or ()),
         )
         for name, entry in config.holders.items()
     )
