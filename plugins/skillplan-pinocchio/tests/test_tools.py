@@ -7,13 +7,15 @@ import pytest
 from skillplan.pipeline import load_problem
 from skillplan_pinocchio import SweptDetector
 
-CELL = Path(__file__).parents[3] / "configs" / "cell_tools.yaml"
+CONFIGS = Path(__file__).parents[3] / "configs"
+CELL = CONFIGS / "cell_tools.yaml"
+TWO_TOOLS = CONFIGS / "cell_two_tools.yaml"
 PLAN = ("pick(housing)", "place(housing)", "load(glue)")
 
 
-def reason(skill, *before, **changes):
-    """Return why `swept` refuses a skill of the cell after others; empty if it does not."""
-    (task,) = load_problem(CELL, changes=changes).tasks
+def reason(skill, *before, cell=CELL, **changes):
+    """Return why `swept` refuses a skill of a cell after others; empty if it does not."""
+    (task,) = load_problem(cell, changes=changes).tasks
     skills = {item.name: item for item in task.skills}
     state = task.initial
     for name in before:
@@ -54,3 +56,20 @@ def test_a_longer_tool_keeps_the_wrist_away(length_m, free):
     wall = "{wall: {size_m: [0.02, 0.10, 0.10], at_m: [0.275, 0.12]}}"
     changes = {"fixtures": wall, "tools.tongs.length_m": length_m, "tools.tongs.body": "null"}
     assert (reason("pick(pin)", "load(tongs)", **changes) == "") is free
+
+
+@pytest.mark.parametrize(
+    ("skill", "at_m", "words"),
+    [
+        ("pick(clip)", "[0.55, 0.08]", "cup runs into post"),
+        ("pick(clip)", "[0.55, 0.28]", ""),
+        ("pick(chip)", "[0.45, -0.10]", "the hand runs into post"),
+        ("pick(chip)", "[0.35, -0.10]", ""),
+    ],
+)
+def test_all_tools_on_a_hand_are_checked(skill, at_m, words):
+    """The cup on one side of the gripper, and the gripper that lies level for the cup."""
+    fixtures = f"{{post: {{size_m: [0.02, 0.02, 0.13], at_m: {at_m}}}}}"
+    why = reason(skill, cell=TWO_TOOLS, fixtures=fixtures)
+    assert why.startswith(words)
+    assert bool(why) is bool(words)

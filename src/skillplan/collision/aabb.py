@@ -381,12 +381,19 @@ class AabbDetector(Detector):
             for tool in robot.tools
             if tool.kind is ToolKind.GRIPPER and tool.hand is not None and not tool.boxes
         ]
+        mounted = [
+            tool.name
+            for robot in self.task.scene.robots
+            for tool in robot.tools
+            if robot.list_companions(tool)
+        ]
         without = f"tools without envelope_m or body: {', '.join(bare)}"
         zones = f"; in {', '.join(closed)} it misses all else of the arm" if closed else ""
         return (
             f"the arm's links, fingers and postures: aabb checks boxes of parts and tools{zones}",
             *([f"the stops of fits at the goals of {', '.join(fitted)}"] if fitted else []),
             *([f"bits, cups and shanks of {without}"] if bare else []),
+            *([f"tools beside the acting one: {', '.join(mounted)}"] if mounted else []),
             *([f"bodies of the grippers {', '.join(hands)}, without envelope_m"] if hands else []),
             *([f"collisions while {', '.join(turning)} turns"] if turning else []),
             *([f"room for the jaws {', '.join(jaws)} to close"] if jaws else []),
@@ -530,7 +537,7 @@ class AabbDetector(Detector):
         assert skill.motion is not None
         robot = self.task.scene.robot(skill.motion.robot)
         place_fact, place = robot.place(state)
-        tool = robot.tool(state)
+        tool = robot.tool(state, skill.parameters.get("tool"))
         facts = self.task.facts
         present, absent = facts.none, facts.none
         if self._travel_matters[robot.name]:

@@ -64,12 +64,15 @@ class LinearMotion:
     Parameters
     ----------
     tip
-        Position of the arm's tip during the act [m], which `Tool.beyond_m` separates from
-        `tool_tip`. Only a tool that is longer or shorter than the arm's hand has two of them.
+        Position of the arm's tip during the act [m], which `Tool.tip_on_arm` separates from
+        `tool_tip`. Only a tool that is longer or shorter than the arm's hand, or mounted on another
+        one, has two of them.
     closing_yaw_rad
         Closing direction of a hand that points down, from x about the vertical [rad].
     orientation
         Orientation of the hand: z points out of it, y along the closing axis of its jaws.
+    is_exact
+        True if the hand must not be turned by half a turn, because several tools are on it.
     approach
         Polyline of the tip from safe height to `tip` [m]; two points at least.
     retreat
@@ -91,6 +94,7 @@ class LinearMotion:
     leaves_with: str | None
     drop_m: float = 0.0
     loads: Tool | None = None
+    is_exact: bool = False
 
     @classmethod
     def straight_down(
@@ -156,7 +160,8 @@ class LinearMotion:
     @property
     def is_vertical(self) -> bool:
         """True if the hand points down, and goes straight down and up again."""
-        return self.points_down and len(self.approach) == len(self.retreat) == 2
+        straight = len(self.approach) == len(self.retreat) == 2
+        return self.points_down and straight and not self.is_exact
 
     @property
     def acting_tool(self) -> Tool | None:
@@ -174,7 +179,21 @@ class LinearMotion:
 
         It is midway between the fingertips, the rim of the suction cup, or the end of the bit.
         """
-        return plus(self.tip, self.points, _measure_beyond_m(self.acting_tool))
+        tool = self.acting_tool
+        if tool is None or tool.mount is not None:
+            return self.tool_pose.position
+        return plus(self.tip, self.points, tool.beyond_m)
+
+    @property
+    def tool_pose(self) -> Pose:
+        """Pose of the tool's tip during the act, with axes as of `hand`."""
+        tool = self.acting_tool
+        return self.hand if tool is None else self.hand.then(tool.tip_on_arm)
+
+    @property
+    def tool_points(self) -> Point:
+        """Unit vector in the world in which the tool points."""
+        return self.tool_pose.rotate(AXES["z"])
 
     @property
     def grasp_tip(self) -> Point:
@@ -241,7 +260,7 @@ def plan_linear_motions(
     if skill.motion is None:
         raise ValueError(f"Skill {skill.name!r} has no motion.")
     robot = task.scene.robot(skill.motion.robot)
-    tool = robot.tool(state)
+    tool = robot.tool(state, skill.parameters.get("tool"))
     carries = skill.motion.carries
     motions = []
     for visit in skill.motion.visits(state):
@@ -299,10 +318,19 @@ def _plan_linear_motion(
         yaw_rad = _find_closing_yaw_rad(visit, grasp, closing)
     else:
         yaw_rad, low_m = 0.0, min(low_m, tip[2] - _HAND_RADIUS_M)
+    loads = find_tool_after(robot, visit, tool) if visit.event is Event.LOAD else None
+    acting = loads or tool
+    hand = Pose.of_axes(tip, closing, points)
+    if acting is not None and acting.mount is not None:
+        hand = hand.then(acting.mount.inverse())
+    elif acting is not None and acting.beyond_m:
+        hand = hand.moved(plus((0.0, 0.0, 0.0), points, -acting.beyond_m))
+    is_exact = acting is not None and bool(robot.list_companions(acting))
+    if acting is not None and is_exact:
+        low_m = min(low_m, _measure_lowest_m(robot, acting, hand))
     above_m = max(robot.safe_height_m, low_m) + (tip[2] - low_m)
     up: Point = (0.0, 0.0, drop_m)
     dropped = plus(tip, up)
-    orientation = Pose.of_axes(tip, closing, points).orientation
     approach, retreat = _plan_stretches(visit, grasp, body, tip, points, closing)
     down = (
         _raise_to(approach[-1], above_m),
@@ -310,18 +338,22 @@ def _plan_linear_motion(
         dropped,
     )
     back = (dropped, *(plus(point, up) for point in retreat[1:]), _raise_to(retreat[-1], above_m))
-    loads = find_tool_after(robot, visit, tool) if visit.event is Event.LOAD else None
-    beyond_m = _measure_beyond_m(loads or tool)
-    if beyond_m:
+    if acting is not None and acting.mount is not None:
+        behind = plus(hand.position, tip, -1.0)
         # The hand keeps its orientation, so the arm's tip is as far behind everywhere.
+        down, back = (tuple(plus(point, behind) for point in line) for line in (down, back))
+        closes = hand.rotate(AXES["y"])
+        is_down = is_same_direction(hand.rotate(AXES["z"]), DOWN)
+        yaw_rad = math.atan2(closes[1], closes[0]) if is_down else 0.0
+    elif acting is not None and acting.beyond_m:
         down, back = (
-            tuple(plus(point, points, -beyond_m) for point in line) for line in (down, back)
+            tuple(plus(point, points, -acting.beyond_m) for point in line) for line in (down, back)
         )
     return LinearMotion(
         visit,
         down[-1],
         yaw_rad,
-        orientation,
+        hand.orientation,
         down,
         back,
         carries,
@@ -329,11 +361,43 @@ def _plan_linear_motion(
         leaves_with,
         drop_m,
         loads,
+        is_exact,
     )
 
 
-def _measure_beyond_m(tool: Tool | None) -> float:
-    return 0.0 if tool is None else tool.beyond_m
+def _measure_lowest_m(robot: Robot, tool: Tool, hand: Pose) -> float:
+    """Return the height of the lowest point of all tools on a hand, jaws wide open [m].
+
+    Parameters
+    ----------
+    hand
+        Pose of the arm's tip: z points out of the hand, y along its closing axis.
+    """
+    heights_m = []
+    for item in (tool, *robot.list_companions(tool)):
+        if item.kind is ToolKind.GRIPPER:
+            worn = robot.hand_of(item)
+            corners = [
+                (across, along, depth_m - worn.arm_tip_m)
+                for piece in worn.body
+                for along, across, depth_m in piece
+            ]
+            corners += [
+                (across, side * (worn.opening_m / 2 + behind), worn.beyond_m - up_m)
+                for side in (-1, 1)
+                for piece in worn.jaw
+                for behind, across, up_m in piece
+            ]
+            heights_m += [hand.apply(corner)[2] for corner in corners]
+            continue
+        # From its tip, with z towards the flange and x along the closing axis.
+        tip = hand.then(item.tip_on_arm)
+        y, z = tip.rotate(AXES["x"]), tip.rotate(AXES["z"])
+        upright = Pose.of_axes(tip.position, y, (-z[0], -z[1], -z[2]))
+        down = upright.inverse().rotate(DOWN)
+        shapes = build_tool_shapes(item, robot.hand)
+        heights_m += [tip.position[2] - shape.reach_m(down) for shape in shapes]
+    return min(heights_m)
 
 
 def _find_shank(task: Task, visit: Visit) -> Shank | None:

@@ -313,6 +313,9 @@ class Tool:
     outer_m
         Least and greatest width of a part that the jaws hold from outside [m]; None for all that
         they open.
+    mount
+        Pose of its tip, with z out of the tool and y along its closing axis, in the frame of the
+        arm's tip, for a tool on the hand of another one; None for a tool on the flange's axis.
     """
 
     name: str
@@ -330,6 +333,12 @@ class Tool:
     shapes: tuple[Shape, ...] = ()
     cups: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
     outer_m: tuple[float, float] | None = None
+    mount: Pose | None = None
+
+    @property
+    def tip_on_arm(self) -> Pose:
+        """Pose of its tip in the frame of the arm's tip."""
+        return Pose((0.0, 0.0, self.beyond_m)) if self.mount is None else self.mount
 
     @property
     def ends(self) -> tuple[Cylinder, ...]:
@@ -416,8 +425,15 @@ class Robot:
         return self.model.payload_kg if self.payload_kg is None else self.payload_kg
 
     def tool_kg(self, tool: Tool | None) -> float:
-        """Return the mass of a tool on the flange [kg]; for None, that of the hand."""
+        """Return the mass of a tool [kg]; for None, that of the hand."""
         return self.hand.mass_kg if tool is None or tool.mass_kg is None else tool.mass_kg
+
+    def list_companions(self, tool: Tool | None) -> tuple[Tool, ...]:
+        """Return the other tools on the same hand."""
+        if tool is None:
+            return ()
+        alike = (item for item in self.tools if item.fact == tool.fact)
+        return tuple(item for item in alike if item.name != tool.name)
 
     def place(self, state: State) -> tuple[str, Point]:
         """Return the fact for the place of the arm in `state`, and the position [m].
@@ -434,12 +450,17 @@ class Robot:
                 return fact, (position[0], position[1], self.safe_height_m)
         raise ValueError(f"The state gives no place of {self.name!r}: {state}.")
 
-    def tool(self, state: State) -> Tool | None:
-        """Return the attached tool, or None."""
-        for tool in self.tools:
-            if tool.fact in state:
-                return tool
-        return None
+    def tool(self, state: State, acting: str | None = None) -> Tool | None:
+        """Return the attached tool, or None.
+
+        Parameters
+        ----------
+        acting
+            Name of the tool that acts, if several are attached on one hand. Default: the first.
+        """
+        attached = [tool for tool in self.tools if tool.fact in state]
+        named = (tool for tool in attached if tool.name == acting)
+        return next(named, attached[0] if attached else None)
 
 
 @dataclass(frozen=True)

@@ -250,3 +250,65 @@ def test_faults_of_works_have_their_key(work, path, words):
         words in message and place == ("works", "bead", *path)
         for place, message in issues_of(content)
     )
+
+
+def duo(**changes):
+    """Return a part that a cup on the side of a gripper holds, and one that the gripper holds."""
+    content = content_of({"type": "gripper", "length_m": 0.15})
+    cup = {
+        "type": "suction",
+        "mounted_on": "hand",
+        "mount_m": [0.0, 0.04, 0.05],
+        "mount_rpy_rad": [-math.pi / 2, 0.0, 0.0],
+        "length_m": 0.06,
+        "mass_kg": 0.2,
+        **changes,
+    }
+    content["tools"]["cup"] = {key: value for key, value in cup.items() if value is not None}
+    content["parts"]["lid"] = {
+        **content["parts"]["part"],
+        "tool": "cup",
+        "start_m": [0.4, -0.2],
+        "goal_m": [0.6, 0.0],
+    }
+    del content["step_limit"]
+    return content
+
+
+def test_two_tools_on_a_hand_are_attached_at_once():
+    """The tip of the acting one is at the part; the hand lies level with the cup across it."""
+    task = assembly(duo())
+    assert [skill.name for skill in task.skills if "load" in skill.name] == ["load(hand)"]
+    skill = task.skill("pick(lid)")
+    assert "tool(hand)" in skill.precondition.requires
+    state = skill.precondition.requires | task.facts.of("at(home)")
+    (motion,) = plan_linear_motions(task, skill, state)
+    target = skill.motion.visits(state)[0].pose.apply(task.scene.body("lid").grasp.tip)
+    assert motion.tool_tip == pytest.approx(target, abs=1e-9)
+    assert motion.tool_points == pytest.approx((0.0, 0.0, -1.0), abs=1e-9)
+    assert motion.points[2] == pytest.approx(0.0, abs=1e-9)
+    # The flange is 0.05 + 0.06 m above the rim, and 0.05 m behind the axis of the cup.
+    flange = motion.hand.apply((0.0, 0.0, -STANDARD_HAND.tip_on_flange.xyz_m[2]))
+    assert flange[2] - target[2] == pytest.approx(0.04 + 0.06)
+    assert math.dist(flange[:2], target[:2]) == pytest.approx(0.05)
+    # Also the hand, which lies level, is at the safe height above the target.
+    assert motion.above[2] - 0.09 > task.scene.robots[0].safe_height_m
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"mounted_on": None}, "needs 'mounted_on'"),
+        ({"mounted_on": "hnd"}, "unknown tool 'hnd'. Did you mean 'hand'"),
+        ({"holder_m": [0.3, 0.3]}, "is that of the tool that it is mounted on"),
+        ({"mass_kg": None}, "key 'mass_kg' is missing"),
+        ({"envelope_m": [0.1, 0.1, 0.1]}, "give 'body' instead"),
+        ({"type": "gripper"}, "a gripper is on the flange itself"),
+    ],
+)
+def test_a_mounted_tool_without_its_keys_is_a_fault(changes, words):
+    try:
+        messages = [message for _, message in issues_of(duo(**changes))]
+    except ValidationError as error:
+        messages = [str(error)]
+    assert any(words in message for message in messages)

@@ -112,9 +112,9 @@ class GravityCheck:
 
         The part pushes back at the tip of the tool; the hand points down.
         """
-        beyond_m = 0.0 if motion.tool is None else motion.tool.beyond_m
+        at_tip = (0.0, 0.0, 0.0) if motion.tool is None else motion.tool.tip_on_arm.position
         back_kg = -motion.visit.press_n / _GRAVITY_M_PER_S2
-        loads = [*self._loads(motion, None), (back_kg, np.array([0.0, 0.0, beyond_m]))]
+        loads = [*self._loads(motion, None), (back_kg, np.array(at_tip))]
         torques_nm = np.abs(self.torques_nm([strokes.down[-1].nodes[-1]], loads))[0]
         index = int(np.argmax(torques_nm / self.limits_nm))
         if torques_nm[index] <= self.limits_nm[index]:
@@ -214,10 +214,12 @@ class GravityCheck:
 
     def _loads(self, motion: LinearMotion, carried: str | None) -> Iterator[Load]:
         """Yield the loads at the tip: tool and carried body."""
-        tool_kg = self.robot.tool_kg(motion.tool)
-        if tool_kg:
-            beyond_m = 0.0 if motion.tool is None else motion.tool.beyond_m
-            yield tool_kg, np.array([0.0, 0.0, (beyond_m - self.arm.hand.tip_m) / 2])
+        for tool in (motion.tool, *self.robot.list_companions(motion.tool)):
+            tool_kg = self.robot.tool_kg(tool)
+            if tool_kg:
+                x_m, y_m, z_m = (0.0, 0.0, 0.0) if tool is None else tool.tip_on_arm.position
+                # Halfway between flange and tip.
+                yield tool_kg, np.array([x_m / 2, y_m / 2, (z_m - self.arm.hand.tip_m) / 2])
         if carried is not None:
             body = self.scene.body(carried)
             yield body.mass_kg, self._centre(motion, body)
@@ -225,7 +227,9 @@ class GravityCheck:
     def _centre(self, motion: LinearMotion, body: Body) -> Vector:
         """Return the centre of mass of a body in the hand, in the frame of the tip [m]."""
         if body.name != motion.visit.subject:
-            return np.array([0.0, 0.0, 0.0 if motion.tool is None else motion.tool.beyond_m])
+            return np.array(
+                (0.0, 0.0, 0.0) if motion.tool is None else motion.tool.tip_on_arm.position
+            )
         centre = compute_mass_properties(body).centre
         in_world = np.array(motion.visit.pose.rotation) @ centre + motion.visit.pose.position
         tip = Pose(motion.tip, motion.orientation)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -93,14 +93,31 @@ def build_hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple
     """
     if tool is None and robot.tools:
         return ()
+    companions = robot.list_companions(tool)
+    if tool is not None and companions:
+        parts = list(build_hand_parts(replace(robot, tools=(tool,)), tool, opening_m))
+        for other in companions:
+            # Its jaws may be anywhere between open and closed.
+            alone = replace(robot, tools=(other,))
+            ends = (build_hand_parts(alone, other, m) for m in (alone.hand_of(other).opening_m, 0))
+            for opened, closed in zip(*ends, strict=True):
+                hulls = zip(opened.corners, closed.corners, strict=True)
+                parts.append(HandPart(opened.name, tuple(map(np.concatenate, hulls))))
+        return tuple(parts)
     hand = robot.hand_of(tool)
     if tool is None or tool.kind is ToolKind.GRIPPER:
         fingers = tuple(
             finger for side in (1, -1) for finger in _make_fingers(hand, opening_m / 2, side)
         )
         return (HandPart("a finger", fingers), HandPart("the hand", _make_body(hand)))
-    ends_at = np.array([0.0, 0.0, -tool.beyond_m])
     shapes = build_tool_shapes(tool, robot.hand)
+    if tool.mount is not None:
+        # Axes of the arm's tip and those of parts of the hand differ by this.
+        turn = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+        own, at = np.array(tool.mount.rotation), np.array(tool.mount.position)
+        placed = ((_get_corners(shape) @ turn @ own.T + at) @ turn for shape in shapes)
+        return (HandPart(tool.name, tuple(placed)),)
+    ends_at = np.array([0.0, 0.0, -tool.beyond_m])
     return (HandPart(tool.name, tuple(_get_corners(shape) + ends_at for shape in shapes)),)
 
 

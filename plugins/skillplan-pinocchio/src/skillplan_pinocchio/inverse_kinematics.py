@@ -138,7 +138,7 @@ def iterate_elbows(
 
 
 def iterate_postures(
-    arm: ArmModel, target: Any, near: Vector | None = None
+    arm: ArmModel, target: Any, near: Vector | None = None, *, is_exact: bool = False
 ) -> Iterator[Vector | Unreachable]:
     """Yield joint angles for a hand that points anywhere, nearest to a posture first.
 
@@ -150,6 +150,8 @@ def iterate_postures(
         Target pose of the tip, as `pinocchio.SE3`.
     near
         Reference posture [rad], shape (joints,). Default: the home posture.
+    is_exact
+        True to try the given turn alone.
 
     Yields
     ------
@@ -157,7 +159,7 @@ def iterate_postures(
         Joint angles [rad] within their limits, shape (joints,); or the reason why there are none.
     """
     candidates: list[Vector] = []
-    for turn in (np.eye(3), _HALF_TURN):
+    for turn in (np.eye(3), _HALF_TURN)[: 1 if is_exact else 2]:
         turned = pin.SE3(times(target.rotation, turn), target.translation)
         if near is not None:
             closest = solve(arm, turned, near)
@@ -429,7 +431,9 @@ def iterate_strokes(
             yield path if isinstance(path, Unreachable) else mirror_path(path)
         return
     target = make_hand_pose(motion.tip, motion.orientation)
-    if motion.points_down:
+    if motion.is_exact:
+        postures_at_target = iterate_postures(arm, target, near, is_exact=True)
+    elif motion.points_down:
         postures_at_target = iterate_elbows(arm, motion.tip, motion.closing_yaw_rad)
     else:
         postures_at_target = iterate_postures(arm, target, near)

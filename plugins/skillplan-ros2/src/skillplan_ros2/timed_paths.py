@@ -144,10 +144,14 @@ class _Timing:
             down = zip(paths.strokes.down, paths.motion.least_times_s, strict=True)
             for path, least_s in down:
                 points.move(*self._run(path, paths.motion.tool, least_s))
+            tool = paths.motion.acting_tool
+            # Several tools on one hand: the controller has to know which acts.
+            acting = f" by {tool.name}" if tool is not None and paths.motion.is_exact else ""
             if visit.event is Event.TURN:
                 self._turn(planned, visit, points)
             else:
-                points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}{torque}")
+                action = f"{visit.event.value} {visit.subject}"
+                points.act(visit.dwell_s, f"{action}{acting}{torque}")
             for path in paths.strokes.up:
                 points.move(*self._run(path, paths.motion.tool_after))
         except ArithmeticError as error:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skillplan.physics.linear_motions import build_tool_shapes
 from skillplan.robots.arm_description import Hand, Hull, LinkShape
-from skillplan.task.pose import Point
+from skillplan.task.pose import Point, Pose
 from skillplan.task.scene import Body, Box, Robot, Tool, ToolKind
 
 _TOOL_KG = 0.3
@@ -28,11 +28,12 @@ def get_hand(robot: Robot, tool: Tool | None = None) -> Hand:
     Parameters
     ----------
     tool
-        A gripper has its own jaws. With any other tool or none, the hand is that of the first
-        gripper, or the one on the flange if there is no gripper.
+        A gripper, or a tool on the hand of one, has its own jaws. With any other tool or none, the
+        hand is that of the first gripper, or the one on the flange if there is no gripper.
     """
-    if tool is not None and tool.kind is ToolKind.GRIPPER:
-        return robot.hand_of(tool)
+    for item in (tool, *robot.list_companions(tool)):
+        if item is not None and item.kind is ToolKind.GRIPPER:
+            return robot.hand_of(item)
     grippers = (item for item in robot.tools if item.kind is ToolKind.GRIPPER)
     return robot.hand_of(next(grippers, None))
 
@@ -54,6 +55,8 @@ def make_tool_boxes(tool: Tool | None, hand: Hand) -> Sequence[Box]:
     if tool is None:
         return ()
     shapes = build_tool_shapes(tool, hand)
+    if tool.mount is not None:
+        return [_mount(shape.box, tool.mount) for shape in shapes]
     if shapes:
         return [_lower(shape.box, tool.beyond_m) for shape in shapes]
     return list(make_hand_boxes(hand, hand.opening_m))
@@ -82,6 +85,18 @@ def make_hand_boxes(hand: Hand, opening_m: float) -> Iterable[Box]:
 def _lower(box: Box, by_m: float) -> Box:
     x_m, y_m, z_m = box.centre
     return Box(box.size, (x_m, y_m, z_m - by_m)) if by_m else box
+
+
+def _mount(box: Box, mount: Pose) -> Box:
+    """Return a box about the box of a mounted tool, from the arm's tip."""
+    signs = np.array([*product((-0.5, 0.5), repeat=3)])
+    corners = np.array(box.centre) + signs * np.array(box.size)
+    # Axes of the arm's tip and those of boxes differ by this.
+    turn = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    placed = (corners @ turn @ np.array(mount.rotation).T + np.array(mount.position)) @ turn
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    (x, y, z), (dx, dy, dz) = ((low + high) / 2).tolist(), (high - low).tolist()
+    return Box((dx, dy, dz), (x, y, z))
 
 
 def make_wrist_box(hand: Hand) -> Box:

@@ -55,7 +55,7 @@ def list_changes(config: AssemblyConfig, within_m: float) -> Iterator[CellChange
 
 def _list_tools(config: AssemblyConfig) -> Iterator[CellChange]:
     """Yield other first tools, two tools on one hand, and parts that another tool handles."""
-    for tool in config.tools:
+    for tool in config.carriers:
         if config.initial_tool not in (None, tool):
             words = f"start with {tool} attached"
             yield CellChange("tool", f"first tool {tool}", words, {"initial_tool": _dump(tool)})
@@ -127,8 +127,8 @@ def _list_travels(config: AssemblyConfig) -> Iterator[CellChange]:
 def _list_places(config: AssemblyConfig) -> Iterator[tuple[str, dict[str, Sequence[float]]]]:
     """Yield movable things, each with the keys and values that move with it."""
     holders: dict[tuple[float, ...], list[str]] = {}
-    for name, tool in config.tools.items():
-        holders.setdefault(tuple(tool.holder_m), []).append(name)
+    for name, tool in config.carriers.items():
+        holders.setdefault(tool.holder[:2], []).append(name)
     for place, tools in holders.items():
         noun = "the holder of" if len(tools) == 1 else "the holders of"
         keys: dict[str, Sequence[float]] = {f"tools.{tool}.holder_m": place for tool in tools}

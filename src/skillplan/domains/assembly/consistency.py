@@ -262,11 +262,13 @@ def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
         if not (s.other_tools or s.optional)
     ]
     goal = None if config.goal is None else set(config.goal)
+    initial = None if config.initial_tool is None else config.find_carrier(config.initial_tool)
     needed: dict[str, str] = {}
     for fact, actions, tool in jobs:
         if goal is None or fact in goal:
-            if tool != config.initial_tool:
-                actions.append(f"load({tool})")
+            carrier = config.find_carrier(tool)
+            if carrier != initial:
+                actions.append(f"load({carrier})")
             for action in actions:
                 needed.setdefault(action, fact)
     return needed
@@ -289,7 +291,10 @@ def _check_step_limit(config: AssemblyConfig) -> Iterator[Issue]:
     steps = 2 * len(parts) + len(screws)
     tools = {part.tool for part in parts if not part.other_tools}
     tools |= {screw.tool for screw in screws if not screw.other_tools}
-    changes = len(tools - {config.initial_tool})
+    if config.initial_tool is not None:
+        tools.add(config.initial_tool)
+    hands = {config.find_carrier(tool) for tool in tools if tool in config.tools}
+    changes = len(hands) - (config.initial_tool is not None)
     if config.tool_change.style == "separate" and config.initial_tool is not None:
         changes *= 2
     if config.step_limit < steps + changes:

@@ -169,7 +169,7 @@ def _list_others(
 ) -> Iterator[tuple[Point, float, Point]]:
     """Yield begin, least time and end of everything that may come between two takes of a feeder."""
     layout = get_layout(config)
-    for tool in config.tools.values():
+    for tool in config.carriers.values():
         least_s = min(find_dwell_s(kind, config.durations_s, tool) for kind in ("load", "offload"))
         yield tool.holder, least_s, tool.holder
     for name, screw in config.screws.items():

@@ -123,6 +123,10 @@ def _find_overloads(config: AssemblyConfig) -> Iterator[Issue]:
         name: robot.hand.mass_kg if tool.mass_kg is None else tool.mass_kg
         for name, tool in config.tools.items()
     }
+    own_kg = dict(on_flange_kg)
+    for name in config.tools:
+        mates = [n for n in own_kg if config.find_carrier(n) == config.find_carrier(name)]
+        on_flange_kg[name] = sum(own_kg[mate] for mate in mates)
     for name, kg in on_flange_kg.items():
         if kg > limit_kg:
             given = config.tools[name].mass_kg is not None
@@ -180,16 +184,20 @@ def _list_places(
     it is beyond the arm's tip, and in some direction.
     """
     robot, layout = config.robot, get_layout(config)
-    beyond_m = {
-        name: tool.measure_beyond_m(choose_tool_kind(config, name), robot.hand)
-        for name, tool in config.tools.items()
-    }
+    beyond_m = {}
+    for name, tool in config.tools.items():
+        kind = choose_tool_kind(config, name)
+        mount = tool.find_mount(kind, robot.hand)
+        beyond_m[name] = tool.measure_beyond_m(kind, robot.hand)
+        if mount is not None:
+            # In any direction, as the hand turns.
+            beyond_m[name] = -math.hypot(*mount.position)
     most_m = max(map(abs, beyond_m.values()))
     # The arm is at home at the safe height only.
     yield ("robot", "home_m"), (robot.home_m[0], robot.home_m[1], robot.base_m[2]), 0.0, most_m
     if robot.look_m is not None:
         yield ("robot", "look_m"), robot.look, 0.0, most_m
-    for name, tool in config.tools.items():
+    for name, tool in config.carriers.items():
         yield ("tools", name, "holder_m"), tool.holder, beyond_m[name], 0.0
     for name, feeder in config.feeders.items():
         yield ("feeders", name, "position_m"), feeder.position, 0.0, most_m
@@ -208,7 +216,10 @@ def _list_places(
         if screw.start_m is not None and (place := layout.fetch(screw)) is not None:
             yield ("screws", name, "start_m"), place, 0.0, spare_m
     for path, point in _list_work_places(config):
-        yield path, point, beyond_m[config.works[str(path[1])].tool], 0.0
+        name = config.works[str(path[1])].tool
+        is_mounted = config.tools[name].mounted_on is not None
+        lift_m, spare_m = (0.0, beyond_m[name]) if is_mounted else (beyond_m[name], 0.0)
+        yield path, point, lift_m, abs(spare_m)
 
 
 def _list_work_places(

@@ -185,6 +185,9 @@ def find_tool_issues(tool: ToolConfig, kind: ToolKind, hand: Hand) -> Iterator[I
         widths_m = getattr(tool, key)
         if widths_m is not None and widths_m[0] >= widths_m[1]:
             yield Issue("the least width comes first, then a greater one.", (key,))
+    if tool.mounted_on is not None and kind is ToolKind.GRIPPER:
+        words = "a gripper is on the flange itself: mount the other tool on it, or give 'type'."
+        yield Issue(words, ("mounted_on",))
     yield from _find_length_issues(tool, kind, hand)
 
 

@@ -169,7 +169,9 @@ class _Grounding:
                     for name, part in config.parts.items()
                 ),
                 *(f"at_start({n})" for n, s in config.screws.items() if s.start_m is not None),
-                NO_TOOL if config.initial_tool is None else f"tool({config.initial_tool})",
+                NO_TOOL
+                if config.initial_tool is None
+                else vocabulary.name_attached(config, config.initial_tool),
                 HAND_FREE,
                 f"at({HOME})",
                 *([FIXED] if config.fixtures else []),
@@ -261,7 +263,7 @@ class _Grounding:
             known |= {name: there[at] for name, at, _ in vocabulary.list_picks(config, part)}
             for place in vocabulary.list_pick_places(config, part):
                 positions[place] = known[place]
-        for name, tool in config.tools.items():
+        for name, tool in config.carriers.items():
             positions[f"{name}.holder"] = tool.holder
         for name, screw in config.screws.items():
             for turn in list_orientations(config, name):
@@ -293,7 +295,7 @@ class _Grounding:
                 for option in options:
                     for turn in list_orientations(self.config, name):
                         yield self._build_place(name, option, turn, label, tool)
-        for tool in self.config.tools:
+        for tool in self.config.carriers:
             if self.config.tool_change.style == "separate":
                 yield self._build_offload(tool)
                 yield self._build_load(tool)
@@ -433,7 +435,7 @@ class _Grounding:
         ]
         given = [fact for fact in holds if fact is not None]
         above = [n for n in config.moved_parts if name in self.beneath[n]]
-        has_tool = f"tool({part.tool})"
+        has_tool = vocabulary.name_attached(config, part.tool)
         looks = name in vocabulary.list_missed_parts(config)
         for index, (pick, buffer, _) in enumerate(vocabulary.list_picks(config, name)):
             visits = list_buffer_visits(config, name, buffer, Event.GRASP)
@@ -522,7 +524,7 @@ class _Grounding:
         return self._build_skill(
             "pick",
             f"{name}{label}",
-            requires=[f"at_start({name})", HAND_FREE, f"tool({tool})"],
+            requires=[f"at_start({name})", HAND_FREE, self._name_attached(tool)],
             forbids=[f"at_start({other})" for other in above],
             add=[f"held({name})"],
             delete=[f"at_start({name})", HAND_FREE],
@@ -559,7 +561,7 @@ class _Grounding:
             f"{name}{option.label}{turn.label}{label}",
             requires=[
                 f"held({name})",
-                f"tool({tool})",
+                self._name_attached(tool),
                 *self._list_works_before(name),
                 *_list_fact(turn),
             ],
@@ -626,7 +628,7 @@ class _Grounding:
             f"{name}{turn.label}{label}",
             requires=[
                 HAND_FREE,
-                f"tool({tool})",
+                self._name_attached(tool),
                 *start,
                 *self._list_threads(screw),
                 *self._list_works_before(name),
@@ -659,7 +661,7 @@ class _Grounding:
             name,
             requires=[
                 HAND_FREE,
-                f"tool({work.tool})",
+                self._name_attached(work.tool),
                 f"{'single' if work.part in config.joined_in else 'placed'}({work.part})",
                 *_list_fact(find_work_orientation(config, name)),
             ],
@@ -739,6 +741,9 @@ class _Grounding:
             parameters={"part": name, "members": ", ".join(members)},
         )
 
+    def _name_attached(self, tool: str) -> str:
+        return vocabulary.name_attached(self.config, tool)
+
     def _list_works_before(self, name: str) -> list[str]:
         """Return the facts of the works that come before a part or screw."""
         config = self.config
@@ -758,13 +763,13 @@ class _Grounding:
         config = self.config
         load = self._visit_holder(Event.LOAD, tool)
         routes: dict[str | None, list[Visit]] = {}
-        for other in config.tools:
+        for other in config.carriers:
             if other != tool or config.tool_change.reload:
                 routes[f"tool({other})"] = [self._visit_holder(Event.OFFLOAD, other), load]
         bare_hand = vocabulary.allows_bare_hand(config)
         if bare_hand:
             routes[NO_TOOL] = [load]
-        others = [f"tool({other})" for other in config.tools if other != tool]
+        others = [f"tool({other})" for other in config.carriers if other != tool]
         return self._build_skill(
             "load",
             tool,
@@ -849,7 +854,7 @@ def choose_step_limit(config: AssemblyConfig) -> int:
     skills_per_change = 2 if config.tool_change.style == "separate" else 1
     components = len(config.moved_parts) + len(config.screws) + len(config.works)
     joins = sum(part.made_of is not None for part in config.moved_parts.values())
-    changes = components + 1 if len(config.tools) > 1 else 1
+    changes = components + 1 if len(config.carriers) > 1 else 1
     failures = [part.grasp_failure for part in config.moved_parts.values()]
     tries = [
         max(1, math.ceil(math.log(_LEFT_BEHIND) / math.log(failure) - 1e-9)) if failure else 1
@@ -857,7 +862,7 @@ def choose_step_limit(config: AssemblyConfig) -> int:
     ]
     # One visit to each buffer, with tool changes.
     visits = sum(map(len, vocabulary.list_buffered(config).values()))
-    changes += 2 * visits if len(config.tools) > 1 else 0
+    changes += 2 * visits if len(config.carriers) > 1 else 0
     # A turn before each part and screw, and two holds of each part with its releases.
     turns = (components + 1) * len(config.workholders)
     turns += 4 * sum(len(holder.parts) for holder in config.holders.values())
@@ -897,7 +902,11 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
                 robot.reaches_m,
                 robot.safe_height_m,
                 places,
-                tuple(_build_tool(config, name) for name in config.tools),
+                # The tool on the flange comes first among those of one hand.
+                tuple(
+                    _build_tool(config, name)
+                    for name in sorted(config.tools, key=lambda n: n not in config.carriers)
+                ),
                 robot.arm,
                 robot.base_orientation,
                 robot.hand,
@@ -905,7 +914,7 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
             ),
         ),
         stations={
-            **{f"{name}.holder": tool.holder for name, tool in config.tools.items()},
+            **{f"{name}.holder": tool.holder for name, tool in config.carriers.items()},
             **{name: feeder.position for name, feeder in config.feeders.items()},
             **_locate_buffers(config),
         },
@@ -1049,7 +1058,7 @@ def _build_tool(config: AssemblyConfig, name: str) -> Tool:
     size = entry.envelope_m
     return Tool(
         name,
-        f"tool({name})",
+        vocabulary.name_attached(config, name),
         entry.holder,
         None if size is None else Box(make_point(size), (0.0, 0.0, size[2] / 2)),
         kind,
@@ -1063,4 +1072,5 @@ def _build_tool(config: AssemblyConfig, name: str) -> Tool:
         shapes=entry.list_shapes(kind, hand),
         cups=entry.cups,
         outer_m=entry.outer_m,
+        mount=entry.find_mount(kind, hand),
     )

@@ -25,6 +25,7 @@ from skillplan.domains.assembly.tool_schema import ToolConfig, WorkConfig
 from skillplan.domains.assembly.workholder_schema import HolderConfig, WorkholderConfig
 from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Name, Strict
+from skillplan.errors import name_hint
 from skillplan.files.schema_errors import Located
 from skillplan.task.pose import Point
 
@@ -331,6 +332,34 @@ class AssemblyConfig(Strict):
     def joined_in(self) -> dict[str, str]:
         """The sub-assembly that each of its parts and screws becomes part of, by name."""
         return {member: name for name, part in self.parts.items() for member in part.made_of or ()}
+
+    @model_validator(mode="after")
+    def _share_holders(self) -> AssemblyConfig:
+        for name, tool in self.tools.items():
+            if tool.mounted_on is None:
+                continue
+            carrier = self.tools.get(tool.mounted_on)
+            here = ("tools", name, "mounted_on")
+            if carrier is None or carrier is tool:
+                others = [other for other in self.tools if other != name]
+                hint = name_hint(tool.mounted_on, others)
+                raise Located(f"unknown tool {tool.mounted_on!r}. {hint}", *here)
+            if carrier.mounted_on is not None:
+                words = f"{tool.mounted_on!r} is on {carrier.mounted_on!r} itself. Name that."
+                raise Located(words, *here)
+            for key in ("holder_m", "holder_height_m"):
+                # Assigning to a frozen model fails.
+                object.__setattr__(tool, key, getattr(carrier, key))
+        return self
+
+    @property
+    def carriers(self) -> dict[str, ToolConfig]:
+        """The tools that are on the flange themselves, by name."""
+        return {name: tool for name, tool in self.tools.items() if tool.mounted_on is None}
+
+    def find_carrier(self, tool: str) -> str:
+        """Return the name of the tool on the flange that a tool comes with: often itself."""
+        return self.tools[tool].mounted_on or tool
 
     @property
     def moved_parts(self) -> dict[str, PartConfig]:

@@ -13,10 +13,12 @@ from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
 from skillplan.domains.assembly.part_schema import Names, Shaped
 from skillplan.domains.assembly.schema_types import (
+    Angles,
     Extents,
     Height,
     Length,
     Planar,
+    Spatial,
     ToolDurations,
     is_absent,
 )
@@ -29,7 +31,8 @@ from skillplan.files.schema_errors import (
     shown,
 )
 from skillplan.robots.arm_description import Hand, JawProfile
-from skillplan.task.pose import Point
+from skillplan.task.motion import AXES
+from skillplan.task.pose import Point, Pose, plus
 from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind, find_cup_height_m
 from skillplan.task.shape import Box, Mesh, Shape
 
@@ -155,7 +158,27 @@ class ToolConfig(Strict):
         description="least and greatest width of a hole that a gripper holds from inside [m]; left "
         "out: from the thickness of both fingers, opened as wide as they do",
     )
-    holder_m: Planar = Field(description="place of its holder, x y [m]")
+    mounted_on: Name | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="the tool on whose hand it is, too: both are attached at once, and no tool "
+        "change is between them; left out: it has a holder of its own",
+    )
+    mount_m: Spatial | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="place of its own flange on that of the hand that it is on: x along the "
+        "closing axis, z out of the flange [m]; left out: 0 0 0",
+    )
+    mount_rpy_rad: Angles | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="turn of its own flange there, about x, then y, then z [rad]; left out: none",
+    )
+    holder_m: Planar | None = Field(
+        None,
+        description="place of its holder, x y [m], needed unless it is on the hand of another tool",
+    )
     holder_height_m: Height = Field(0.0, description="height of the holder [m]")
     envelope_m: Extents | None = Field(
         None, description="box about the tool above its tip, x y z [m]; left out: not modelled"
@@ -200,6 +223,26 @@ class ToolConfig(Strict):
             raise Located(f"{shown(name)}: {issues}", "model") from None
 
     @model_validator(mode="after")
+    def _has_one_place(self) -> ToolConfig:
+        if self.mounted_on is None:
+            for key in ("mount_m", "mount_rpy_rad"):
+                if getattr(self, key) is not None:
+                    raise Located("needs 'mounted_on', the tool on whose hand it is.", key)
+            if self.holder_m is None:
+                raise Located("key 'holder_m' is missing: place of its holder, x y [m].")
+            return self
+        for key in ("holder_m", "holder_height_m"):
+            if key in self.model_fields_set:
+                raise Located("is that of the tool that it is mounted on. Leave it out.", key)
+        if self.mass_kg is None:
+            raise Located("key 'mass_kg' is missing: what it adds to the hand that it is on.")
+        if self.envelope_m is not None:
+            raise Located(
+                "give 'body' instead: a mounted tool is checked by its shapes.", "envelope_m"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _cups_are_opposite(self) -> ToolConfig:
         for number, (x_m, y_m) in enumerate(self.cups):
             if all(math.hypot(x_m + x, y_m + y) > _OPPOSITE_M for x, y in self.cups):
@@ -242,7 +285,8 @@ class ToolConfig(Strict):
     @property
     def holder(self) -> Point:
         """Position of its holder [m]."""
-        return (self.holder_m[0], self.holder_m[1], self.holder_height_m)
+        x_m, y_m = self.holder_m or (0.0, 0.0)
+        return (x_m, y_m, self.holder_height_m)
 
     @property
     def bit_m(self) -> tuple[float, float] | None:
@@ -288,6 +332,19 @@ class ToolConfig(Strict):
         """Return the distance of its tip beyond the jaws' ends of the arm's hand [m]."""
         length_m, own_m = self.measure_length_m(kind, hand), hand.tip_on_flange.xyz_m[2]
         return 0.0 if length_m == own_m else length_m - own_m
+
+    def find_mount(self, kind: ToolKind, hand: Hand) -> Pose | None:
+        """Return the pose of its tip in the frame of the arm's tip, if it is mounted."""
+        if self.mounted_on is None:
+            return None
+        roll, pitch, yaw = self.mount_rpy_rad or (0.0, 0.0, 0.0)
+        x_m, y_m, z_m = self.mount_m or (0.0, 0.0, 0.0)
+        flange = Pose.turned((x_m, y_m, z_m), (roll, pitch, yaw))
+        tip = flange.apply((0.0, 0.0, self.measure_length_m(kind, hand)))
+        # From axes with x along the closing axis to those of the arm, with y along it.
+        own_m = (0.0, 0.0, hand.tip_on_flange.xyz_m[2])
+        y, z = (_to_arm(flange.rotate(axis)) for axis in (AXES["x"], AXES["z"]))
+        return Pose.of_axes(_to_arm(plus(tip, own_m, -1.0)), y, z)
 
     def hand_on(self, hand: Hand) -> Hand | None:
         """Return the hand that this gripper replaces the arm's hand by, or None."""
@@ -392,6 +449,11 @@ def _outline_fingers(boxes: Sequence[Box]) -> JawProfile:
             )
             rows += [(low_m, half_m, begin_m, end_m), (high_m, half_m, begin_m, end_m)]
     return tuple(rows)
+
+
+def _to_arm(vector: Point) -> Point:
+    x, y, z = vector
+    return (0.0 - y, x, z)
 
 
 def _span(box: Box, axis: int) -> tuple[float, float]:

@@ -130,7 +130,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
         places += [name_start(config, part), *own]
     for part in list_buffered(config):
         places += list_pick_places(config, part)
-    places += [f"{tool}.holder" for tool in config.tools]
+    places += [f"{tool}.holder" for tool in config.carriers]
     places += [
         f"{screw}{orientation.label}"
         for screw in config.screws
@@ -146,7 +146,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
     ]
     screws = [f"fastened({screw})" for screw in config.screws]
     works = [name_work(config, name)[1] for name in config.works]
-    tools = [f"tool({tool})" for tool in config.tools]
+    tools = [name_attached(config, tool) for tool in config.carriers]
     if allows_bare_hand(config):
         tools.append(NO_TOOL)
     stands = [f"at({place})" for place in dict.fromkeys(places)]
@@ -246,7 +246,7 @@ def list_actions(config: AssemblyConfig) -> list[str]:
                 for at in list_place_options(config, name)
                 for turn in turns
             ]
-    for tool in config.tools:
+    for tool in config.carriers:
         if config.tool_change.style == "separate":
             names.append(f"offload({tool})")
         names.append(f"load({tool})")
@@ -270,6 +270,11 @@ def list_actions(config: AssemblyConfig) -> list[str]:
 def name_turn_stand(config: AssemblyConfig, workholder: str) -> str:
     """Return the name of the place where the arm waits during turns of a workholder."""
     return HOME if config.workholders[workholder].stand_m is None else f"{workholder}.stand"
+
+
+def name_attached(config: AssemblyConfig, tool: str) -> str:
+    """Return the fact that a tool is attached: that of the hand that it is on."""
+    return f"tool({config.find_carrier(tool)})"
 
 
 def name_work(config: AssemblyConfig, name: str) -> tuple[str, str]:

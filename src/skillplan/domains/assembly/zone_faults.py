@@ -63,7 +63,7 @@ def _list_arm_places(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[
     yield ("robot", "home_m"), "home", [home]
     if robot.look_m is not None:
         yield ("robot", "look_m"), "the place to look from", [robot.look]
-    for name, tool in config.tools.items():
+    for name, tool in config.carriers.items():
         yield ("tools", name, "holder_m"), f"the holder of {name!r}", [_lift(tool.holder)]
     for name, feeder in config.feeders.items():
         yield ("feeders", name, "position_m"), f"feeder {name!r}", [_lift(feeder.position)]

@@ -192,6 +192,7 @@ class _ArmPlayback:
         tip = flange @ make_matrix(hand.tip_on_flange)
         attached = self._attached()
         grips = np.array([tool is None or tool.kind is ToolKind.GRIPPER for tool in attached])
+        facts = [None if tool is None else tool.fact for tool in attached]
         hands = [self.robot.hand_of(tool) for tool in attached]
         for order, worn in enumerate(dict.fromkeys([hand, *hands])):
             worn_now = np.array([other == worn for other in hands]) & grips
@@ -200,11 +201,18 @@ class _ArmPlayback:
             shapes = [self.playback.solid(shape) for shape in build_tool_shapes(tool, hand)]
             if not shapes:
                 continue
-            on = np.array([other is not None and other.name == tool.name for other in attached])
-            ends_at = tip.copy()
-            ends_at[:, :3, 3] += tool.beyond_m * tip[:, :3, 2]
+            on = np.array([fact == tool.fact for fact in facts])
+            place = _make_pose_matrix(tool.tip_on_arm)
+            ends_at = tip @ place
             rows = make_rows(ends_at @ _FLIP)
             rows[~on] = [*tool.holder, 0.0, 0.0, 0.0, 1.0]
+            if tool.mount is not None:
+                # In the holder it is where the hand has it, pointing down there.
+                carrier = next(item for item in self.robot.tools if item.fact == tool.fact)
+                behind = _make_pose_matrix(Pose((0.0, 0.0, -carrier.beyond_m)))
+                dock = _FLIP.copy()
+                dock[:3, 3] = tool.holder
+                rows[~on] = make_rows((dock @ behind @ place @ _FLIP)[None])[0]
             self.playback.add_body(tool.name, "tool", shapes, rows=rows, label=True)
         number = self.playback.add_body(f"{self.robot.name} tip", "link", [], rows=make_rows(tip))
         self.playback.arms.append({"name": self.robot.name, "tip_track": number})
@@ -346,6 +354,12 @@ class _ArmPlayback:
         self.playback.view = ((middle[0], middle[1], 0.18), eye)
         points = [[round(v, 5) for v in sample.tip] for sample in self.samples[::6]]
         self.playback.paths.append({"name": "path of the tip", "points_m": points, "kind": "tip"})
+
+
+def _make_pose_matrix(pose: Pose) -> Numbers:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
+    return matrix
 
 
 def find_extent(scene: Scene) -> tuple[list[float], list[float]]:

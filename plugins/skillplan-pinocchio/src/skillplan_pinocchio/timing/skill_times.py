@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skillplan.task.pose import Point
 from skillplan.task.scene import Robot, Tool
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -33,7 +34,7 @@ class SkillTimes:
         self.limits = limits
         self.slow_zones = slow_zones
         self._transfers: dict[tuple[bytes, bytes], JointPath] = {}
-        self._paths_s: dict[tuple[bytes, float], float] = {}
+        self._paths_s: dict[tuple[bytes, Point], float] = {}
 
     def duration_s(self, planned: tuple[ArmMotion, ...], stand: Stand) -> float | None:
         """Return the duration of some motions in order [s]; None if the arm cannot make them.
@@ -66,9 +67,10 @@ class SkillTimes:
         # Rounded to a nanosecond, which is equal on every machine.
         return round(total_s, 9)
 
-    def _beyond_m(self, tool: Tool | None) -> float:
-        """Return how far beyond the arm's tip the speed is limited [m]."""
-        return 0.0 if self.slow_zones is None or tool is None else tool.beyond_m
+    def _beyond_m(self, tool: Tool | None) -> Point:
+        """Return where the speed is limited, in the frame of the arm's tip [m]."""
+        still = self.slow_zones is None or tool is None
+        return (0.0, 0.0, 0.0) if still or tool is None else tool.tip_on_arm.position
 
     def _path_s(self, path: JointPath, tool: Tool | None) -> float:
         """Return the duration of a path from rest to rest with a tool [s]."""
@@ -133,7 +135,7 @@ class LeastTimes:
         self.stands = stands
         self.plan = plan
         self._places = {task.facts.bit(fact): fact for fact in robot.places}
-        self._tools = [task.facts.bit(tool.fact) for tool in robot.tools]
+        self._tools = [*dict.fromkeys(task.facts.bit(tool.fact) for tool in robot.tools)]
         self._courses: dict[tuple[str, int], _Course | None] = {}
 
     def least_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 import pinocchio as pin
 
+from skillplan.task.pose import Point
 from skillplan.task.scene import Robot, Scene, Tool
 from skillplan.task.zone import Zone, list_slow_zones
 from skillplan_pinocchio.arm_model import ArmModel
@@ -32,10 +33,10 @@ class SlowZones:
     model
         The arm's `pinocchio.Model`, with a frame ``tip``.
     beyond_m
-        Distance of the tool's tip beyond the arm's [m]; see `Tool.beyond_m`.
+        Position of the tool's tip in the frame of the arm's [m]; see `Tool.tip_on_arm`.
     """
 
-    def __init__(self, model: Any, zones: list[Zone], beyond_m: float = 0.0) -> None:
+    def __init__(self, model: Any, zones: list[Zone], beyond_m: Point = (0.0, 0.0, 0.0)) -> None:
         self._model, self._data = model, model.createData()
         self._tip = model.getFrameId("tip")
         self._zones = zones
@@ -49,10 +50,14 @@ class SlowZones:
 
     def with_tool(self, tool: Tool | None) -> SlowZones:
         """Return the zones for an attached tool; None for the bare arm."""
-        beyond_m = 0.0 if tool is None else tool.beyond_m
+        beyond_m = (0.0, 0.0, 0.0) if tool is None else tool.tip_on_arm.position
         if beyond_m == self.beyond_m:
             return self
         return SlowZones(self._model, self._zones, beyond_m)
+
+    def away(self, rotation: Array) -> Array:
+        """Return the vector from the arm's tip to the tool's in the world [m], for a rotation."""
+        return np.asarray(rotation @ np.array(self.beyond_m))
 
     def limit(self, path: JointPath) -> RateLimits | None:
         """Return the limits on a path, or None if its tip stays outside of all zones."""
@@ -100,7 +105,7 @@ class SlowZones:
                 self._model, self._data, posture_rad, self._tip, pin.LOCAL_WORLD_ALIGNED
             )
             frame = self._data.oMf[self._tip]
-            tool = self.beyond_m * frame.rotation[:, 2]
+            tool = self.away(frame.rotation)
             tips[number] = frame.translation + tool
             turn = jacobian[3:] @ slope
             speeds[number] = np.linalg.norm(jacobian[:3] @ slope + np.cross(turn, tool))

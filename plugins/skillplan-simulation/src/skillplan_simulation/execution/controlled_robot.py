@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection
 import numpy as np
 
 from skillplan.task.motion import Point
-from skillplan.task.scene import Pose, Scene, Tool, ToolKind
-from skillplan_pinocchio.kinematics.fixed_order import length
+from skillplan.task.scene import Pose, Robot, Scene, Tool, ToolKind
+from skillplan_pinocchio.kinematics.fixed_order import length, times
 from skillplan_pinocchio.timing.slow_zones import SlowZones
 from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, ContactLog
 from skillplan_simulation.execution.zone_watch import ZoneWatch
@@ -45,49 +45,92 @@ class ToolChanger:
     def __init__(self, world: World, arm: Arm, scene: Scene, tool: Tool | None) -> None:
         self.world, self.arm, self.scene = world, arm, scene
         self.tool = tool
-        # Mass of the tool without the hand [kg].
+        # Mass of the tools without the hand [kg].
         self.load_kg = 0.0
-        self._bond: int | None = None
+        self._bonds: dict[str, int] = {}
         self._docked: dict[str, int] = {}
-        self.arm.show_hand(self.has_jaws)
-        if tool is not None:
-            self._attach(tool)
+        self.arm.show_hand(self.shows_hand)
+        for item in self.attached:
+            self._attach(item)
 
     @property
     def has_jaws(self) -> bool:
-        """Return whether a gripper is attached."""
+        """Return whether the acting tool is a gripper."""
         return self.tool is not None and self.tool.kind is ToolKind.GRIPPER
 
     @property
+    def attached(self) -> list[Tool]:
+        """All tools on the hand, the acting one first."""
+        return [] if self.tool is None else [self.tool, *self._robot.list_companions(self.tool)]
+
+    @property
+    def shows_hand(self) -> bool:
+        """Return whether a gripper is attached."""
+        return any(tool.kind is ToolKind.GRIPPER for tool in self.attached)
+
+    @property
     def robot_parts(self) -> list[str]:
-        """Names of the robot's bodies, the tool included."""
-        names = [ROBOT]
-        if self.tool is not None and self.tool.name in self.world.numbers:
-            names.append(self.tool.name)
-        return names
+        """Names of the robot's bodies, the tools included."""
+        attached = [tool.name for tool in self.attached]
+        return [ROBOT, *(name for name in attached if name in self.world.numbers)]
+
+    @property
+    def _robot(self) -> Robot:
+        return self.arm.robot
+
+    def activate(self, tool: Tool | None) -> None:
+        """Let another tool on the same hand act."""
+        if tool is not None and tool in self.attached:
+            self.tool = tool
 
     def tool_pose(self) -> Pose:
         """Return the pose of the attached tool: origin at its tip, z towards the flange.
 
         It is upright if the hand points down; its x is along the closing axis.
         """
+        return self._find_pose(self.tool)
+
+    def _find_pose(self, tool: Tool | None) -> Pose:
+        """Return the pose of a tool on the hand: origin at its tip, z towards the flange."""
+        rotation = self._find_rotation(tool)
+        return make_pose(self._find_tip(tool), rotation[:, [1, 0, 2]] * _BACKWARDS)
+
+    def _find_rotation(self, tool: Tool | None) -> Vector:
         tip = self.arm.tip()
-        return make_pose(self.tool_tip(), tip.rotation[:, [1, 0, 2]] * _BACKWARDS)
+        if tool is None or tool.mount is None:
+            return tip.rotation
+        return times(tip.rotation, np.array(tool.mount.rotation))
+
+    def _find_tip(self, tool: Tool | None) -> Vector:
+        tip = self.arm.tip()
+        if tool is None:
+            return tip.position
+        if tool.mount is not None:
+            return tip.position + times(tip.rotation, np.array(tool.mount.position))
+        beyond_m = tool.beyond_m
+        return tip.position + beyond_m * tip.rotation[:, 2] if beyond_m else tip.position
+
+    def hand_pose(self) -> Pose:
+        """Return the pose of the arm's tip, with axes as of `tool_pose`."""
+        tip = self.arm.tip()
+        return make_pose(tip.position, tip.rotation[:, [1, 0, 2]] * _BACKWARDS)
+
+    def points(self) -> Vector:
+        """Return the direction in which the acting tool points."""
+        return self._find_rotation(self.tool)[:, 2]
 
     def tool_tip(self) -> Vector:
         """Return the position of the tip of the attached tool, or of the bare arm [m]."""
-        tip = self.arm.tip()
-        beyond_m = 0.0 if self.tool is None else self.tool.beyond_m
-        return tip.position + beyond_m * tip.rotation[:, 2] if beyond_m else tip.position
+        return self._find_tip(self.tool)
 
     def detach(self) -> None:
         """Leave the tool in its dock."""
         assert self.tool is not None
-        if self._bond is not None:
-            self.world.release(self._bond)
-            self._bond = None
-            self.world.withdraw(self.tool.name, [-1])
-            self._docked[self.tool.name] = self.world.hold(self.tool.name)
+        for name, bond in self._bonds.items():
+            self.world.release(bond)
+            self.world.withdraw(name, [-1])
+            self._docked[name] = self.world.hold(name)
+        self._bonds = {}
         self.load_kg = 0.0
         self.tool = None
         self.arm.show_hand(False)
@@ -102,8 +145,9 @@ class ToolChanger:
             tools = [item for robot in self.scene.robots for item in robot.tools]
             self.tool = next(item for item in tools if item.name == name)
             self.arm.fit(get_hand(self.arm.robot, self.tool))
-            self.arm.show_hand(self.has_jaws)
-            self._attach(self.tool)
+            self.arm.show_hand(self.shows_hand)
+            for item in self.attached:
+                self._attach(item)
         return apart_m
 
     def _attach(self, tool: Tool) -> None:
@@ -114,10 +158,10 @@ class ToolChanger:
             self.world.release(self._docked.pop(tool.name))
             self.world.withdraw(tool.name, [])
         else:
-            self.world.add(body, self.tool_pose())
-        self.world.part(tool.name, [ROBOT])
-        self._bond = self.arm.grip(tool.name)
-        self.load_kg = body.mass_kg
+            self.world.add(body, self._find_pose(tool))
+        self.world.part(tool.name, [ROBOT, *self._bonds])
+        self._bonds[tool.name] = self.arm.grip(tool.name)
+        self.load_kg += body.mass_kg
 
 
 # Lag of the tip at which the arm is stuck [m].
@@ -190,7 +234,7 @@ class ControlledRobot:
         self.carried = name
         carried_kg = 0.0 if name is None else self.world.mass_kg(name)
         self.arm.payload_kg = self.tools.load_kg + carried_kg
-        tool = [self.tools.tool.name] if self.tools.tool and self.tools.load_kg else []
+        tool = [name for name in self.tools.robot_parts if name != ROBOT]
         self.arm.bears = (*tool, *([] if name is None else [name]))
 
     def bind(self, name: str) -> int:
@@ -285,7 +329,7 @@ class ControlledRobot:
         most_m_per_s = speed_m_per_s or self.settings.speed_m_per_s
         if self.slow_zones is not None:
             zones = self.slow_zones.with_tool(self.tools.tool)
-            beyond = zones.beyond_m * here.rotation[:, 2]
+            beyond = zones.away(here.rotation)
             limit = zones.find_speed_m_per_s(here.position + beyond, np.array(end) + beyond)
             most_m_per_s = min(most_m_per_s, limit)
         self.follow(

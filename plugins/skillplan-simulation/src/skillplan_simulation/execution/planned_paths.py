@@ -11,6 +11,7 @@ from typing import Any
 
 from skillplan.physics.linear_motions import LinearMotion, choose_visit_grasp
 from skillplan.task.motion import Event, GraspKind
+from skillplan.task.pose import Point
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -27,6 +28,9 @@ from skillplan_simulation.motions import ArmMotion, JointMotion, JointRun, Slowe
 
 # Share of the acceleration limit for a gripped part that is turned in space, where it creeps.
 _TURNED_SHARE = 1 / 3
+
+
+_STILL: Point = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +88,7 @@ class PlannedPaths:
         self.limits = limits.scaled(settings.speed_fraction)
         self.slow_zones = SlowZones.of(task.scene, task.scene.robots[0])
         self.gripped_m_per_s2 = settings.acceleration_m_per_s2
-        self._runs: dict[tuple[bytes, bool, float], JointRun] = {}
+        self._runs: dict[tuple[bytes, bool, Point], JointRun] = {}
 
     def stand(self, state: State) -> Vector:
         """Return the posture at a state's place [rad], shape (joints,).
@@ -162,7 +166,7 @@ class PlannedPaths:
             is GraspKind.JAWS
         )
         zones = None if self.slow_zones is None else self.slow_zones.with_tool(motion.tool)
-        key = path.nodes.tobytes(), is_gripped, 0.0 if zones is None else zones.beyond_m
+        key = path.nodes.tobytes(), is_gripped, _STILL if zones is None else zones.beyond_m
         if key not in self._runs:
             run: JointRun = find_fastest_trajectory(path, self.limits)
             limits = self.limits

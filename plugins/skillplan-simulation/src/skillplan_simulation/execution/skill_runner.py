@@ -148,7 +148,7 @@ def press(robot: ControlledRobot, motion: LinearMotion) -> None:
     """
     world, arm, settings = robot.world, robot.arm, robot.settings
     assert arm.setpoint is not None
-    along, force_n = np.array(motion.points), motion.visit.press_n
+    along, force_n = np.array(motion.tool_points), motion.visit.press_n
     tools = set(robot.tools.robot_parts)
     parts = {name for name in (*world.bodies, TABLE) if name not in tools}
     robot.log.expected |= {(min(a, b), max(a, b)) for a in tools for b in parts}
@@ -268,6 +268,8 @@ class SkillRunner(ControlledRobot):
         """
         self._motions, self._guides = tuple(motions), guides
         self._turn, self._in_holders, self.turned = turn, held, {}
+        if motions:
+            self.tools.activate(motions[0].motion.tool)
         handled = {planned.motion.visit.subject for planned in motions}
         for subject in sorted(handled):
             self.bring_out(subject, state)
@@ -355,7 +357,7 @@ class SkillRunner(ControlledRobot):
         turned = times(tip.rotation, planned.rotation.T)
         rotation = times(turned, convert_quaternion(visit.pose.orientation))
         away = np.array(grasp.tip)
-        held_m = self.tools.tool_tip() + self._gap_m(motion) * tip.rotation[:, 2]
+        held_m = self.tools.tool_tip() + self._gap_m(motion) * self.tools.points()
         origin = held_m - times(rotation, away)
         if subject not in self.world.numbers:
             body = self.scene.body(subject)
@@ -504,7 +506,7 @@ class SkillRunner(ControlledRobot):
 
     def _stops_along(self, motion: LinearMotion) -> Point:
         """Return the direction of that distance."""
-        return motion.visit.along if motion.visit.event is Event.DRIVE else motion.points
+        return motion.visit.along if motion.visit.event is Event.DRIVE else motion.tool_points
 
     def _act(self, motion: LinearMotion) -> None:
         subject, event = motion.visit.subject, motion.visit.event

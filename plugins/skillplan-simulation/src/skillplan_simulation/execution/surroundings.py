@@ -164,7 +164,15 @@ class Sweeps:
         return boxes
 
     def _hand(self, motion: LinearMotion) -> list[Box]:
-        """Return boxes about the hand or tool, before or after a motion acts, from the tip."""
+        """Return boxes about hand and tools, before or after a motion acts, from the tip."""
+        hand = get_hand(self.robot, motion.tool)
+        others = self.robot.list_companions(motion.acting_tool)
+        return [
+            *self._acting_hand(motion),
+            *(box for other in others for box in make_tool_boxes(other, hand)),
+        ]
+
+    def _acting_hand(self, motion: LinearMotion) -> list[Box]:
         tool, visit, hand = motion.tool, motion.visit, get_hand(self.robot, motion.tool)
         if visit.event in (Event.GRASP, Event.RELEASE):
             # The hand, or the tool in its place.

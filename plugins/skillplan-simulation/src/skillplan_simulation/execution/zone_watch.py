@@ -93,7 +93,7 @@ class ZoneWatch:
     def _hold(self, robot: ControlledRobot, opening_m: float, back: Any) -> Iterator[MovingSolid]:
         """Yield hand, tool and load as solids of the last joint."""
         last = self._arm.joints
-        pose = robot.tools.tool_pose()
+        pose = robot.tools.hand_pose()
         for part in build_hand_parts(self.robot, robot.tools.tool, opening_m):
             for corners in part.corners:
                 yield build_held_solid(part.name, last, ConvexPiece(place_at(corners, pose)), back)

@@ -215,7 +215,7 @@ class CellParts:
         for tool in self._robot.tools:
             # A tool that was not taken yet lies in its dock, without collisions.
             body = make_tool_body(tool, hand)
-            if body is not None and tool.name not in world.numbers:
+            if body is not None and tool.name not in world.numbers and tool.mount is None:
                 place = _make_frame(Pose(tool.holder))
                 yield Part(tool.name, self._of_body(tool.name, hand), place)
 
