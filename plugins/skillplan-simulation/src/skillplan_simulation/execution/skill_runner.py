@@ -240,8 +240,8 @@ class SkillRunner(ControlledRobot):
         self._guides: Mapping[str, Guides] = {}
         self._in_holders: Collection[str] = ()
         self._turn: Turn | None = None
-        # Poses at which a turn must leave its bodies.
-        self.turned: dict[str, Pose] = {}
+        # Poses at which a turn must leave its bodies, and holders the parts that they let go.
+        self.due: dict[str, Pose] = {}
 
     def begin(
         self,
@@ -267,7 +267,7 @@ class SkillRunner(ControlledRobot):
             Parts in holders, also those that are still to come.
         """
         self._motions, self._guides = tuple(motions), guides
-        self._turn, self._in_holders, self.turned = turn, held, {}
+        self._turn, self._in_holders, self.due = turn, held, {}
         if motions:
             self.tools.activate(motions[0].motion.tool)
         handled = {planned.motion.visit.subject for planned in motions}
@@ -296,9 +296,10 @@ class SkillRunner(ControlledRobot):
             world.add(body, pose if shift is None else shift.then(pose))
         for name in change.fixed:
             fix_in_place(world, name)
-        self.turned = {}
-        world.stand(change.freed)
-        self.watch(set())
+        self.due = {name: world.pose(name) for name in change.freed if name in world.numbers}
+        in_hand = set() if self.carried is None else {self.carried}
+        world.stand({*change.freed, *in_hand})
+        self.watch(in_hand, change.freed)
         self.log.phase(label)
         self.log.free |= {*change.freed, *(body.name for body, _ in change.appears)}
         for name in change.freed:
@@ -312,7 +313,7 @@ class SkillRunner(ControlledRobot):
         fixed = list_fixed_to(world, turn.held & world.numbers.keys())
         self.log.free |= turn.carried - fixed
         end = turn.at(1.0)
-        self.turned = {
+        self.due = {
             name: end.then(world.pose(name)) for name in turn.carried & world.numbers.keys()
         }
         for name in fixed:

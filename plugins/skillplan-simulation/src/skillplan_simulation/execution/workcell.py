@@ -407,10 +407,15 @@ class Workcell:
             self._sense(runner, last, None)
         none = self.task.facts.none
         record = self._record(skill, state, last, (none, none), runner)
-        stood = runner.log.stood | runner.turned
+        stood = runner.log.stood | runner.due
         return replace(
             record,
-            expected={name: stood.get(name, pose) for name, pose in record.expected.items()},
+            # A part in the hand does not move in a skill without motion.
+            expected={
+                name: stood.get(name, pose)
+                for name, pose in record.expected.items()
+                if planned is not None or name in stood
+            },
             begin_s=begin_s,
             pauses=tuple(runner.log.pauses),
             travels=() if planned is None else planned.travels,
