@@ -82,7 +82,7 @@ def test_a_report_of_a_large_board_is_written_in_time(cli, environment, tmp_path
     board, page = tmp_path / "board.yaml", tmp_path / "page.html"
     outcome = cli("generate", "assembly", *LARGE, "--out", str(board))
     assert 0 == outcome.code
-    words = ["report", str(board), "--time-limit", "5", "--out", str(page)]
+    words = ["report", str(board), "--time-limit", "2", "--out", str(page)]
     begin_s = time.monotonic()
     ended = subprocess.run([*SKILLPLAN, *words], capture_output=True, text=True, env=environment)
     assert time.monotonic() - begin_s < 60, "not a minute, as without a limit"

@@ -151,7 +151,15 @@ class TestGrasps:
 
 
 # With ways, hollow parts or many skills.
-LARGE = {"cell_screws", "drawer_module", "gear_unit", "gearbox", "inverter_grasps", "inverter_time"}
+LARGE = {
+    "cell_screws",
+    "cell_tray",
+    "drawer_module",
+    "gear_unit",
+    "gearbox",
+    "inverter_grasps",
+    "inverter_time",
+}
 LARGE |= {"mini_pc", "motor_drive", "pcb", "pump"}
 
 

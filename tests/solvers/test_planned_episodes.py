@@ -85,7 +85,7 @@ def test_they_find_the_optimum_and_then_see_nothing_better(config, optimum):
 
 def test_they_find_it_without_a_mask_from_what_the_paper_observes():
     run = Run(CONFIGS / "inverter_board.yaml", observation="paper", mask="none")
-    run.go(5_000)
+    run.go(1_000)
     assert run.best == pytest.approx(1.86709, abs=5e-6)
 
 
