@@ -9,7 +9,7 @@ import yaml
 from skillplan import testing
 from skillplan.cli import main
 from skillplan.errors import OptionError
-from skillplan.pipeline import advise, load_problem, solve
+from skillplan.pipeline import advise, list_changes, load_problem, solve
 from skillplan.solvers import Stop
 from yaml_data import yaml_data
 
@@ -79,6 +79,28 @@ def test_the_counts_of_the_tries_add_up(tmp_path):
             strict=True,
         )
     )
+
+
+def test_changes_name_entries_of_the_file_and_not_what_a_count_writes_out(tmp_path):
+    """Parts of a count change together, and those in a tray move with it."""
+    path = write_lid(tmp_path, "box", "fuse")
+    content = yaml_data(path)
+    del content["parts"]["fuse"]["start_m"]
+    content["parts"]["fuse"] |= {"count": 2, "start_in": "tray"}
+    content["parts"]["fuse"]["goal_pattern"] = {"grid": [2, 1], "pitch_m": [0.02, 0.02]}
+    content["tools"]["cup"] = {"type": "suction", "holder_m": [0.2, 0.4]}
+    grid = {"grid": [2, 1], "pitch_m": [0.06, 0.06]}
+    content["trays"] = {"tray": {"at_m": [0.4, -0.3], "pattern": grid}}
+    path.write_text(yaml.safe_dump(json.loads(json.dumps(content))))
+    problem = load_problem(path)
+    changes = [*list_changes(problem, 0.1)]
+    keys = {key for change in changes for key in change.changes}
+    assert {"trays.tray.at_m", "parts.fuse.tool", "parts.fuse.grasp"} <= keys
+    assert not any("fuse_" in key or key.startswith("fixtures") for key in keys)
+    assert len({(change.item, str(change.changes)) for change in changes}) == len(changes)
+    moved = next(c for c in changes if c.item == "the tray tray")
+    assert problem.ground_with(moved.changes) is not None
+    assert any(change.words == "handle fuse with cup" for change in changes)
 
 
 @pytest.mark.slow(reason=SEVERAL_SEARCHES)

@@ -251,7 +251,10 @@ class Problem:
         changes
             YAML values by key path, as for `load_task`.
         """
-        document = apply_changes(self.document, changes)
+        whole = self.document.written_from or self.document
+        document = self.domain.expand(apply_changes(whole, changes))
+        if document.issues:
+            return None
         config, faults = _validate(document, self.domain, {"folder": Path(self.source).parent})
         if config is None or faults:
             return None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -101,6 +101,10 @@ class Document:
         values.
     given
         Paths of values that are not in the file.
+    written_from
+        The document before its shorthands were written out; None if it has none.
+    sources
+        Path in that document of each entry that was written out, by the path here.
     """
 
     source: str
@@ -109,6 +113,8 @@ class Document:
     keys: dict[Path_, Position] = field(repr=False)
     issues: tuple[Issue, ...] = ()
     given: tuple[Path_, ...] = ()
+    written_from: Document | None = field(default=None, repr=False)
+    sources: Mapping[Path_, Path_] = field(default_factory=dict, repr=False)
 
     def locate(self, issue: Issue) -> Issue:
         """Return the issue with the position of the nearest existing part of its path.

@@ -1,5 +1,6 @@
 from . import registry as registry
 from .advising import advise as advise
+from .advising import list_changes as list_changes
 from .certification import certify as certify
 from .chain import solve_chain as solve_chain
 from .comparison import Terms as Terms
@@ -49,6 +50,7 @@ __all__ = [
     "export_files",
     "find_arm_meshes",
     "grade",
+    "list_changes",
     "list_examples",
     "list_notes",
     "list_solvers",

@@ -7,6 +7,7 @@ plan of the file, by costs without back ends, so a few tries find most savings.
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -78,6 +79,8 @@ class _Tally:
     refused: int = 0
     useless: int = 0
     longer: int = 0
+    wrong: int = 0
+    cut: int = 0
     planned: int = 0
     best: dict[str, Tip] = field(default_factory=dict)
 
@@ -126,7 +129,7 @@ def advise(
         raise OptionError(f"Advice needs within > 0 and tries >= 1, not {within_m} and {tries}.")
     stop, begin_s = stop or Stop(), time.perf_counter()
     task = problem.part(None)
-    proposals = list(problem.domain.list_changes(problem.config, within_m))
+    proposals = list(list_changes(problem, within_m))
     if not proposals:
         raise OptionError(f"A task of kind {problem.kind!r} has no changes to try.")
     solver = solver or problem.domain.default_solver(problem.config)
@@ -141,19 +144,26 @@ def advise(
     if base.cost is None:
         return replace(advice, reason="the file as it is has no plan to compare with")
     tally = _Tally(len(proposals))
-    items = _rank(problem, base, proposals)
-    tally.longer = len(proposals) - sum(len(item.changes) for item in items)
+    items = _rank(problem, base, proposals, tally)
     for change in _take_turns(items, tally, tries, stop):
         result = _solve_changed(
             problem, {**(changes or {}), **change.changes}, solver, setup, stop, jobs
         )
         if stop.reason is not None and (result is None or result.status is not Status.OPTIMAL):
             # Cut short: its plan may be far from the best.
-            break
+            stop.renew()
+            if stop():
+                break
+            # By a limit of the solver for this task alone.
+            tally.tried += result is not None
+            tally.cut += result is not None
+            tally.refused += result is None
+            continue
         if result is None:
             tally.refused += 1
             continue
         tally.tried += 1
+        tally.wrong += result.status is Status.WRONG
         tally.planned += result.cost is not None
         saving = None if result.cost is None else base.cost - result.cost
         if saving is None or saving <= tolerance(base.cost):
@@ -173,6 +183,8 @@ def advise(
         refused=tally.refused,
         useless=tally.useless,
         longer=tally.longer,
+        wrong=tally.wrong,
+        cut=tally.cut,
         reason=(stop.reason or f"limit of {tries} tries") if left else "",
         interrupted=stop.interrupted,
         stats={"wall_s": time.perf_counter() - begin_s},
@@ -198,11 +210,51 @@ def share_times(task: Task, result: Result) -> TimeShares:
     return TimeShares(travel_s, work_s, change_s, wait_s)
 
 
-def _rank(problem: Problem, base: Result, proposals: Sequence[CellChange]) -> list[_Item]:
+def list_changes(problem: Problem, within_m: float) -> Iterator[CellChange]:
+    """Yield the changes of a file that may save cost, named by its own entries.
+
+    The parts of a count change together, as their first. What follows from another entry, such as
+    the start in a tray, is no change of its own.
+    """
+    document = problem.document
+    first: dict[tuple[str | int, ...], tuple[str | int, ...]] = {}
+    for target, source in document.sources.items():
+        first.setdefault(source, target)
+    for change in problem.domain.list_changes(problem.config, within_m):
+        values, words, item = {}, change.words, change.item
+        for key, value in change.changes.items():
+            path = tuple(key.split("."))
+            lengths = [n for n in range(len(path), 0, -1) if path[:n] in document.sources]
+            if not lengths:
+                values[key] = value
+                continue
+            target = path[: lengths[0]]
+            source = document.sources[target]
+            entry = document.sources.get(path[:2], source)
+            if lengths[0] > len(entry) or first[entry] != path[:2]:
+                continue
+            values[".".join(map(str, (*source, *path[lengths[0] :])))] = value
+            words, item = (_rename(text, path[:2], entry) for text in (words, item))
+        if values:
+            yield replace(change, item=item, words=words, changes=values)
+
+
+def _rename(text: str, target: Sequence[str], source: Sequence[str | int]) -> str:
+    """Return a text with the name and section of an entry as the file has them."""
+    (section, name), (own_section, own_name, *_) = target, map(str, source)
+    if section != own_section:
+        text = text.replace(f"{section.rstrip('s')} {name}", f"{own_section.rstrip('s')} {name}")
+    return re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", own_name, text)
+
+
+def _rank(
+    problem: Problem, base: Result, proposals: Sequence[CellChange], tally: _Tally
+) -> list[_Item]:
     """Return the items with their changes, the most promising first.
 
     The promise of a place is the saving of the plan of the file by the costs of the changed file,
-    without back ends. Places that promise nothing are dropped, because they lengthen this plan.
+    without back ends. Places that do not shorten this plan are dropped, and so are values that the
+    schema refuses, or with which the plan is not applicable.
     """
     plan = [step.skill for step in base.steps]
     unchanged = _price_plan(problem.task, plan)
@@ -219,6 +271,9 @@ def _rank(problem: Problem, base: Result, proposals: Sequence[CellChange]) -> li
                 if task is not None and price is not None:
                     promises[index] = unchanged - price
                     crowded[index] = _count_crowded(task)
+                    tally.longer += promises[index] <= tolerance(unchanged)
+                else:
+                    tally.refused += 1
             kept = [i for i in promises if promises[i] > tolerance(unchanged)]
             # Where the product is built, things are in the way: such places come last.
             changes = [changes[i] for i in sorted(kept, key=lambda i: (crowded[i], -promises[i]))]

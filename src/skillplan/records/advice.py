@@ -111,7 +111,10 @@ class Advice:
         Changes that save, the greatest saving first.
     proposed, tried, refused, useless, longer
         Number of changes: in all, solved, refused by the checks of the file, solved without a
-        saving, and places left out because they lengthen the plan of the file.
+        saving, and places left out because they do not shorten the plan of the file.
+    wrong, cut
+        Numbers of tried changes whose result the referee has refuted, and whose search ended at a
+        limit of the solver; they are not listed.
     reason
         Reason why changes were left out; empty if none were.
     """
@@ -125,6 +128,8 @@ class Advice:
     refused: int = 0
     useless: int = 0
     longer: int = 0
+    wrong: int = 0
+    cut: int = 0
     reason: str = ""
     interrupted: bool = False
     origin: Origin | None = None
@@ -151,6 +156,8 @@ class Advice:
             "refused": self.refused,
             "useless": self.useless,
             "longer": self.longer,
+            "wrong": self.wrong,
+            "cut": self.cut,
             "reason": self.reason,
             "tips": [tip.document() for tip in self.tips],
             "stats": dict(self.stats),

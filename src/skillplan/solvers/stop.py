@@ -174,6 +174,11 @@ class Stop:
             "memory_limit_bytes": self._memory_limit_bytes,
         }
 
+    @property
+    def stall_s(self) -> float:
+        """Time without progress after which a search stops [s]; infinite for no limit."""
+        return self._stall_s
+
     def interrupt(self) -> None:
         """Request that the search stop and return its best."""
         self.interrupted = True

@@ -107,6 +107,8 @@ class _Expansion:
             keys=keys,
             given=tuple(given),
             issues=(*self.document.issues, *map(self.document.locate, self.issues)),
+            written_from=self.document,
+            sources=self.sources,
         )
 
     def _entries(self, section: str) -> dict[str, Any]:

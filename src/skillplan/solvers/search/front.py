@@ -11,6 +11,7 @@ one cost is the time since the begin, from which the waits follow, and the other
 from __future__ import annotations
 
 import heapq
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -174,6 +175,8 @@ class _Search:
         queue: list[tuple[int, int, int, int, _Label]] = []
         generated = expanded = 0
         reached = 0
+        # Time of the last point [s].
+        last_s = 0.0
 
         def push(label: _Label, floor: Pair) -> None:
             nonlocal generated
@@ -190,6 +193,8 @@ class _Search:
         while queue:
             if generated > self.max_labels:
                 self.stop.end(f"limit of {self.max_labels:,} labels")
+            if plans and time.monotonic() - last_s > self.stop.stall_s:
+                self.stop.end("stalled")
             if self.stop():
                 reached = queue[0][0]
                 break
@@ -211,6 +216,7 @@ class _Search:
                 # Equal to rounding in the first cost, and better in the second.
                 plans = [entry for entry in plans if not _covers(label.costs, entry[0])]
                 plans.append((label.costs, label))
+                last_s = time.monotonic()
                 self.on_plan(len(plans))
                 continue
             known[:] = [k for k in known if not _passes(label, k, bounded)]

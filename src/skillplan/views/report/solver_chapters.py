@@ -175,7 +175,9 @@ def _list_cycle(document: Mapping[str, Any], unit: str) -> list[tuple[str, objec
         ("tried", "Solved"),
         ("useless", "Solved without a saving"),
         ("refused", "Refused by the checks of the file"),
-        ("longer", "Places left out that lengthen the plan"),
+        ("longer", "Places left out that do not shorten the plan"),
+        ("wrong", "Results that failed the referee's check"),
+        ("cut", "Searches that ended at a limit of the solver"),
     )
     entries += [(label, number(document.get(key))) for key, label in counts]
     entries.append(("Ended by", document.get("reason") or "nothing left to try"))

@@ -578,10 +578,14 @@ def describe_advice(advice: Advice) -> list[str]:
             f"{split}"
         )
     left = f"; {advice.reason}" if advice.reason else ""
+    if advice.cut:
+        left = f"; {advice.cut} ended at a limit of the solver and are not listed{left}"
+    if advice.wrong:
+        left = f"; {advice.wrong} results failed the referee's check and are not listed{left}"
     notes.append(
         f"tried      {advice.tried} of {advice.proposed} changes solved, {advice.useless} of them "
         f"save nothing; {advice.refused} refused by the checks of the file; {advice.longer} places "
-        f"left out that lengthen the plan{left}"
+        f"left out that do not shorten the plan{left}"
     )
     if advice.tips:
         changes = advice.tips[0].changes
