@@ -65,3 +65,38 @@ def test_what_is_near_is_known_to_a_micrometre(gap_m):
     assert world.is_near("rod", "block", gap_m + 1e-6)
     assert not world.is_near("rod", "block", gap_m - 1e-6)
     assert world.nearest("rod", ["block"]) == ("block" if gap_m < 0.0005 else None)
+
+
+def test_a_part_of_many_pieces_stands_on_few_points_and_keeps_its_hollows():
+    """A ring of 24 blocks about a post: the ring's hull touches the table, but not the post."""
+    blocks = [
+        {"size_m": [0.01, 0.01, 0.02], "centre_m": [x, y, 0.01]}
+        for x in (-0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03)
+        for y in (-0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03)
+        if max(abs(x), abs(y)) > 0.025
+    ]
+    post = {"size_m": [0.02, 0.02, 0.03], "start_m": [0.3, -0.2], "goal_m": [0.5, 0.2]}
+    ring = {
+        "boxes": blocks,
+        "start_m": [0.3, 0.2],
+        "goal_m": [0.5, 0.2],
+        "grasp": {"at_m": [0, 0.03]},
+    }
+    parts = {"post": post, "ring": ring}
+    task = assembly(
+        {
+            "kind": "assembly",
+            "name": "ring",
+            "robot": {"home_m": [0.307, 0.0], "safe_height_m": 0.15},
+            "tools": {"gripper": {"holder_m": [0.6, -0.3]}},
+            "initial_tool": "gripper",
+            "parts": {name: {"tool": "gripper", **part} for name, part in parts.items()},
+        }
+    )
+    world = placed(task, "post", "ring")
+    advance(world, 1.0)
+    touches = world.points_on("ring")
+    assert {touch.second for touch in touches} == {"work table"}
+    assert len(touches) <= 8
+    assert math.dist(world.pose("ring").position, (0.5, 0.2, 0.0)) < 5e-5
+    assert not world.is_near("ring", "post", 0.0149)

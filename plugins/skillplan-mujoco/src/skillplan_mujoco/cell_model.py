@@ -40,6 +40,9 @@ _TORSION_M, _ROLLING_M = 0.001, 0.0001
 FRICTIONAL = 4
 # Number of sides of the prism for a cylinder; its edges lie 0.05 % of the radius outside.
 _SIDES = 96
+# Group of the geometries that touch the table for all pieces of a body, and number of pieces
+# without one: each piece has up to four contacts, which take time and let a body creep.
+FOOT_GROUP, _MOST_ON_TABLE = 5, 16
 # Stiffness of contacts and bonds (MuJoCo's solref and solimp): time constant [s] and damping ratio;
 # impedance range, depth [m] and shape. Time constants below two steps are unstable.
 STIFF = (2.0 / STEPS_PER_S, 1.0)
@@ -341,6 +344,8 @@ def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
     part.gravcomp = 1.0
     for shape in body.shapes:
         set_contact(add_shape(spec, part, shape), friction)
+    if len(body.shapes) > _MOST_ON_TABLE:
+        _add_foot(spec, part, body, friction)
     if body.shank is not None:
         # A body of its own passes through others than the head does.
         shank = part.add_body(name=name_shank(body.name))
@@ -357,6 +362,16 @@ def _add_carrier(spec: Any, number: int) -> None:
     carrier.mass, carrier.inertia = CARRIER_KG, (CARRIER_KG_M2,) * 3
     carrier.ipos = (0.0, 0.0, 0.0)
     carrier.gravcomp = 1.0
+
+
+def _add_foot(spec: Any, part: Any, body: Body, friction: float) -> None:
+    """Add the hull of a body, which alone touches the table: a plane meets nothing else of it."""
+    name = f"hull {len(spec.meshes)}"
+    corners_m = np.array([corner for shape in body.shapes for corner in _iterate_corners(shape)])
+    spec.add_mesh(name=name, uservert=np.unique(corners_m, axis=0).ravel().tolist())
+    foot = part.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+    foot.group = FOOT_GROUP
+    set_contact(foot, friction)
 
 
 def get_parking_position(number: int) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Pose, name_shank
 from skillplan_mujoco.cell import Cell
-from skillplan_mujoco.cell_model import FRICTIONAL
+from skillplan_mujoco.cell_model import FOOT_GROUP, FRICTIONAL
 from skillplan_simulation.simulator import (
     CARRIER,
     ROBOT,
@@ -24,8 +24,10 @@ from skillplan_simulation.simulator import (
     compute_speeds,
 )
 
-# Number of usable bits; the first is the kind of all bodies without a kind of their own.
-_BITS = 31
+# Number of usable bits: the first is the kind of all bodies without a kind of their own, and the
+# one after them that of feet, which touch the table only.
+_BITS = 30
+_FOOT = 1 << _BITS
 
 
 class PairMasks:
@@ -48,11 +50,17 @@ class PairMasks:
         self._withdrawn: dict[str, frozenset[int]] = {}
         self._idle: list[int] = []
         self._geoms: dict[int, list[int]] = {}
+        self._feet: dict[int, int] = {}
+        groups = model.geom_group.tolist()
         for geom, body in enumerate(model.geom_bodyid.tolist()):
-            self._geoms.setdefault(body, []).append(geom)
+            if groups[geom] == FOOT_GROUP:
+                self._feet[body] = geom
+            else:
+                self._geoms.setdefault(body, []).append(geom)
+        self._above = {_sort_pair(owners[body], TABLE) for body in self._feet}
 
     def geoms(self, body: int) -> list[int]:
-        """Return the numbers of a body's geometries."""
+        """Return the numbers of a body's geometries, without its foot."""
         return self._geoms.get(body, [])
 
     def part(self, name: str, others: Iterable[str]) -> None:
@@ -77,7 +85,7 @@ class PairMasks:
 
     def set(self) -> None:
         """Write the masks to the model."""
-        special = _cover_pairs(self._parted)
+        special = _cover_pairs(self._parted | self._above)
         if len(special) > _BITS - 1:
             raise UpsetError(f"more than {_BITS - 1} bodies pass through others at once")
         bits = {name: 2 << place for place, name in enumerate(special)}
@@ -86,7 +94,23 @@ class PairMasks:
             kind, affinity = self._mask(body, bits)
             model.geom_contype[geoms], model.geom_conaffinity[geoms] = kind, affinity
             model.body_contype[body], model.body_conaffinity[body] = kind, affinity
+        self._set_feet()
         model.geom_contype[self._idle] = model.geom_conaffinity[self._idle] = 0
+
+    def _set_feet(self) -> None:
+        """Let the feet of the bodies that are there touch the table."""
+        model = self._model
+        for body, foot in self._feet.items():
+            name = self._owners[body]
+            hidden = self._withdrawn.get(name, frozenset())
+            stands = name in self._present and not hidden & {body, -1}
+            stands &= _sort_pair(name, TABLE) not in self._parted
+            model.geom_contype[foot], model.geom_conaffinity[foot] = _FOOT * stands, 0
+            model.body_contype[body] |= _FOOT * stands
+        if self._feet and TABLE in self._present:
+            table = self._present[TABLE]
+            model.geom_conaffinity[self._geoms[table]] |= _FOOT
+            model.body_conaffinity[table] |= _FOOT
 
     def _mask(self, body: int, bits: Mapping[str, int]) -> tuple[int, int]:
         """Return kind and affinity of a body of the model."""
@@ -96,7 +120,8 @@ class PairMasks:
         hidden = self._withdrawn.get(name, frozenset())
         if body in hidden or -1 in hidden:
             return 0, 0
-        through = {name, *(other for pair in self._parted if name in pair for other in pair)}
+        pairs = self._parted | self._above
+        through = {name, *(other for pair in pairs if name in pair for other in pair)}
         # For a body with a kind of its own, the other bodies' affinities decide.
         shared = 0 if name in bits else 1
         return bits.get(name, 1), shared + sum(

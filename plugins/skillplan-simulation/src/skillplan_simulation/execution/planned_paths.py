@@ -28,6 +28,9 @@ from skillplan_simulation.motions import ArmMotion, JointMotion, JointRun, Slowe
 
 # Share of the acceleration limit for a gripped part that is turned in space, where it creeps.
 _TURNED_SHARE = 1 / 3
+# Share of the payload from which a travel with a part takes longer, and the factor: at the limits
+# of the joints, the torques of the drives accelerate the arm alone.
+_HEAVY_SHARE, _HEAVY_FACTOR = 0.5, 2.0
 
 
 _STILL: Point = (0.0, 0.0, 0.0)
@@ -88,7 +91,7 @@ class PlannedPaths:
         self.limits = limits.scaled(settings.speed_fraction)
         self.slow_zones = SlowZones.of(task.scene, task.scene.robots[0])
         self.gripped_m_per_s2 = settings.acceleration_m_per_s2
-        self._runs: dict[tuple[bytes, bool, Point], JointRun] = {}
+        self._runs: dict[tuple[bytes, bool, bool, Point], JointRun] = {}
 
     def stand(self, state: State) -> Vector:
         """Return the posture at a state's place [rad], shape (joints,).
@@ -166,10 +169,12 @@ class PlannedPaths:
             is GraspKind.JAWS
         )
         zones = None if self.slow_zones is None else self.slow_zones.with_tool(motion.tool)
-        key = path.nodes.tobytes(), is_gripped, _STILL if zones is None else zones.beyond_m
+        is_heavy = self._is_heavy(motion)
+        beyond_m = _STILL if zones is None else zones.beyond_m
+        key = path.nodes.tobytes(), is_gripped, is_heavy, beyond_m
         if key not in self._runs:
-            run: JointRun = find_fastest_trajectory(path, self.limits)
-            limits = self.limits
+            limits = self.limits.stretched(_HEAVY_FACTOR) if is_heavy else self.limits
+            run: JointRun = find_fastest_trajectory(path, limits)
             if is_gripped:
                 share = _TURNED_SHARE if turns else 1.0
                 run = SlowedRun.within(run, self.kinematics, share * self.gripped_m_per_s2)
@@ -180,3 +185,12 @@ class PlannedPaths:
                 run = find_fastest_trajectory(path, limits, zones)
             self._runs[key] = run
         return self._runs[key]
+
+    def _is_heavy(self, motion: LinearMotion) -> bool:
+        """Return True if the drives have to accelerate a load near the arm's payload."""
+        if motion.visit.event is not Event.RELEASE:
+            return False
+        scene = self.task.scene
+        payload_kg = scene.robots[0].carries_kg
+        mass_kg = scene.body(motion.visit.subject).mass_kg
+        return payload_kg is not None and mass_kg > _HEAVY_SHARE * payload_kg
