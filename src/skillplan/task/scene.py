@@ -313,6 +313,8 @@ class Tool:
     outer_m
         Least and greatest width of a part that the jaws hold from outside [m]; None for all that
         they open.
+    is_socket
+        True if a socket takes the place of the bit of a screwdriver, as one of `shapes`.
     mount
         Pose of its tip, with z out of the tool and y along its closing axis, in the frame of the
         arm's tip, for a tool on the hand of another one; None for a tool on the flange's axis.
@@ -334,6 +336,7 @@ class Tool:
     cups: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
     outer_m: tuple[float, float] | None = None
     mount: Pose | None = None
+    is_socket: bool = False
 
     @property
     def tip_on_arm(self) -> Pose:
@@ -343,7 +346,7 @@ class Tool:
     @property
     def ends(self) -> tuple[Cylinder, ...]:
         """Its suction cups, or its bit, ram or needle, from its tip; empty for a gripper."""
-        if self.kind is ToolKind.GRIPPER:
+        if self.kind is ToolKind.GRIPPER or self.is_socket:
             return ()
         if self.kind is ToolKind.SUCTION:
             height_m = find_cup_height_m(self.cup_m)

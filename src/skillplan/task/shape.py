@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 from skillplan.task.pose import Point, Pose, dot
 
@@ -251,3 +252,38 @@ def _make_prism(outline: list[tuple[float, float]], height_m: float, pose: Pose)
     for number in range(1, count - 1):
         faces += [(0, number + 1, number), (count, count + number, count + number + 1)]
     return Mesh(tuple(corners), tuple(faces))
+
+
+# Triangles of a wedge of a ring, whose corners are inner and outer, at both turns, low and high.
+_WEDGE = (
+    *((0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6)),
+    *((0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
+    *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5)),
+)
+
+
+def make_ring(
+    inner_m: float, outer_m: float, low_m: float, high_m: float, sides: int
+) -> tuple[Mesh, ...]:
+    """Return the convex pieces of an upright ring about the origin.
+
+    Parameters
+    ----------
+    inner_m, outer_m
+        Distances of its inner and outer corners from the axis [m], 0 < inner < outer.
+    low_m, high_m
+        Heights of its bottom and top [m].
+    sides
+        Number of pieces, >= 3.
+    """
+    turns = [2 * math.pi * side / sides for side in range(sides + 1)]
+    pieces = []
+    for begin, end in pairwise(turns):
+        corners = tuple(
+            (radius_m * math.cos(turn), radius_m * math.sin(turn), height_m)
+            for turn in (begin, end)
+            for radius_m in (inner_m, outer_m)
+            for height_m in (low_m, high_m)
+        )
+        pieces.append(Mesh(corners, _WEDGE))
+    return tuple(pieces)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import copy
 import json
 import math
+from pathlib import Path
 
 import pytest
 import trimesh
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from example_count import examples
 from situations import assembly
@@ -20,6 +23,7 @@ from skillplan.errors import TaskError
 from skillplan.task import Box, Pose
 
 BOXES = Setup(collision=("aabb",))
+CONFIGS = Path(__file__).parents[3] / "configs"
 BLOCK = {
     "kind": "assembly",
     "name": "block",
@@ -306,3 +310,59 @@ def test_spans_of_a_line_are_those_within_a_body():
         pytest.approx((0.4, 0.6)),
         pytest.approx((0.9, 1.0)),
     ]
+
+
+def nut(**changes):
+    """Return a plate on a bolt of the base, and the nut that a socket drives onto it."""
+    content = yaml.safe_load((CONFIGS / "cell_nut.yaml").read_text("utf-8"))
+    for path, value in changes.items():
+        section, name, key = path.split("__")
+        content[section][name][key] = value
+    return content
+
+
+def test_a_nut_is_a_ring_that_a_socket_turns():
+    """Of ISO 4032: 4.7 mm high and 8 mm across flats for M5, driven over its height."""
+    config = AssemblyConfig.model_validate(nut())
+    assert [issue.message for issue in AssemblyDomain().issues(config)] == []
+    (task,) = AssemblyDomain().ground(config, "")
+    body = task.scene.body("nut")
+    assert body.height_m == pytest.approx(0.0047)
+    assert max(shape.reach_m((1.0, 0.0, 0.0)) for shape in body.shapes) == pytest.approx(
+        0.004 / math.cos(math.pi / 6)
+    )
+    # Room for the bolt, and a socket that the nut fits in.
+    assert min(math.hypot(*corner[:2]) for s in body.shapes for corner in s.corners) > 0.0025
+    (spindle,) = (tool for tool in task.scene.robots[0].tools if tool.name == "spindle")
+    walls = [s for s in spindle.shapes if s.box.centre[2] - s.box.size[2] / 2 < -0.002]
+    assert min(math.hypot(*c[:2]) for s in walls for c in s.corners) > 0.004 / math.cos(math.pi / 6)
+    visits = task.skill("fasten(nut)").motion.routes[0].visits
+    assert visits[-1].dwell_s == pytest.approx(4.7 / 0.8 / 340 * 60)
+    assert "placed(plate)" not in task.skill("fasten(nut)").precondition.requires
+    assert "placed(base)" in task.skill("fasten(nut)").precondition.requires
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"screws__nut__size": "M6"}, "a socket of 8 mm, and 'nut' is 10 mm wide"),
+        (
+            {"screws__nut__head": "pan", "screws__nut__length_m": 0.012},
+            "a socket, which turns head: hex or nut",
+        ),
+        ({"tools__spindle__model": "screwdriver_spindle"}, "a nut needs a socket"),
+        ({"screws__nut__into": None}, "give 'into', the part with the bolt"),
+        ({"screws__nut__length_m": 0.01}, "a nut has no shank"),
+        ({"screws__nut__hole_m": [0.54, 0.0]}, "'base' has no bolt on its axis"),
+        ({"screws__nut__torque_nm": 6.0}, "more than 'spindle' brings"),
+        ({"tools__spindle__bit_diameter_m": 0.009}, "is no socket about 0.008 m"),
+        ({"tools__spindle__type": "press"}, "only a screwdriver has a socket"),
+    ],
+)
+def test_a_nut_without_its_bolt_or_socket_is_a_fault(changes, words):
+    try:
+        issues = AssemblyDomain().issues(AssemblyConfig.model_validate(nut(**changes)))
+        messages = [issue.message for issue in issues]
+    except ValidationError as error:
+        messages = [str(error)]
+    assert any(words in message for message in messages)

@@ -105,6 +105,9 @@ FACTS = {
     "robotiq_2f85": (ToolKind.GRIPPER, 0.085, 235, 0.925),
     "robotiq_2f140": (ToolKind.GRIPPER, 0.140, 125, 1.025),
     "screwdriver_spindle": (ToolKind.SCREWDRIVER, 0.0073, None, 2.5),
+    "socket_spindle": (ToolKind.SCREWDRIVER, 0.008, None, 2.5),
+    "press_cylinder": (ToolKind.PRESS, 0.016, 188, 0.45),
+    "needle_dispenser": (ToolKind.DISPENSER, 0.0009, None, 0.35),
 }
 LENGTHS_M = {"franka_hand": 0.11225, "robotiq_2f85": 0.1628, "robotiq_2f140": 0.2328}
 
@@ -118,7 +121,8 @@ def test_the_catalogue_has_the_facts_of_data_sheets_and_says_whence(check):
         assert (code, err, document["schema"]) == (0, "", "skillplan.tool/1")
         assert document["sources"]
         own = document["facts"]
-        size = next(own[k] for k in ("opening_m", "cup_diameter_m", "bit_diameter_m") if k in own)
+        sizes = ("opening_m", "cup_diameter_m", "socket_m", "bit_diameter_m")
+        size = next(own[key] for key in sizes if key in own)
         assert (own["type"], size, own.get("force_n"), own["mass_kg"]) == facts
         assert own["length_m"] == pytest.approx(LENGTHS_M.get(name, own["length_m"]))
 

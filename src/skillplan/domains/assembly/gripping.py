@@ -121,8 +121,24 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
             if kind is not ToolKind.SCREWDRIVER:
                 message = f"{driver!r} is a {kind}, which turns no screw. Name a screwdriver."
                 yield Issue(message, ("screws", name, "tool"))
+                continue
+            socket_m = config.tools[driver].socket_m
+            if socket_m is None and screw.head == "nut":
+                message = f"{driver!r} has a bit, and a nut needs a socket. Give it 'socket_m'."
+                yield Issue(message, ("screws", name, "tool"))
+            elif socket_m is not None and screw.flats_m is None:
+                message = f"{driver!r} has a socket, which turns head: hex or nut. Name another."
+                yield Issue(message, ("screws", name, "tool"))
+            elif socket_m is not None and abs(socket_m - (screw.flats_m or 0.0)) > _FLATS_M:
+                message = (
+                    f"{driver!r} has a socket of {socket_m * 1e3:g} mm, and {name!r} is "
+                    f"{(screw.flats_m or 0.0) * 1e3:g} mm wide across its flats. Name another."
+                )
+                yield Issue(message, ("screws", name, "tool"))
 
 
+# Difference of a socket and a hexagon up to which they fit [m].
+_FLATS_M = 5e-5
 # Keys of tools that only some types have, with what the others lack.
 _OF_TYPES = {
     "opening_m": (ToolKind.GRIPPER, "jaws"),

@@ -74,7 +74,7 @@ from skillplan.task.scene import (
     Tool,
     ToolKind,
 )
-from skillplan.task.shape import Box, Cylinder
+from skillplan.task.shape import Box
 from skillplan.task.skill import Case, Outcome, Skill, Supply, Way
 from skillplan.task.state import Condition, Facts
 from skillplan.task.task import BackEndChoice, Literal, Pool, Precedence, Task
@@ -1024,8 +1024,6 @@ def _get_component(config: AssemblyConfig, name: str) -> PartConfig | ScrewConfi
 
 def _build_screw(config: AssemblyConfig, name: str) -> Body:
     screw = config.screws[name]
-    height_m = screw.head_height_m
-    head = Cylinder(screw.head_diameter_m, height_m, (0.0, 0.0, height_m / 2))
     fact = "single" if name in config.joined_in else "fastened"
     layout = get_layout(config)
     driven = Placement(f"{fact}({name})", layout.hole_pose(screw))
@@ -1033,7 +1031,7 @@ def _build_screw(config: AssemblyConfig, name: str) -> Body:
     stands = () if place is None else (Placement(f"at_start({name})", Pose(place)),)
     return Body(
         name,
-        (head,),
+        screw.shapes,
         (*stands, *turn_placements((driven,), list_orientations(config, name))),
         screw.mass_kg,
         shank=find_shank(config, name),
@@ -1073,4 +1071,5 @@ def _build_tool(config: AssemblyConfig, name: str) -> Tool:
         cups=entry.cups,
         outer_m=entry.outer_m,
         mount=entry.find_mount(kind, hand),
+        is_socket=entry.socket_m is not None,
     )

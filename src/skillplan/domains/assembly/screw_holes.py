@@ -18,10 +18,12 @@ from skillplan.domains.assembly.schema_types import find_dwell_s
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.workholding import turn_pose
 from skillplan.errors import Issue
-from skillplan.task.pose import Point, Pose
+from skillplan.task.pose import Point, Pose, plus
 from skillplan.task.scene import Shank
 
 _TABLE = "the table"
+# Start of a line above the seat of a nut [m], and share of the nut that its bolt fills at least.
+_FAR_M, _LEAST_THREAD = 0.2, 0.5
 # Upward component of a direction from which on the hand comes from beside the part.
 _STEEP_UP = 0.5
 # Clearance of an upright hand from the part [m].
@@ -87,6 +89,8 @@ def measure_engagement_m(config: AssemblyConfig, name: str) -> float | None:
     As given, or the length of the shank in the bodies of `into`, or the whole shank.
     """
     screw = config.screws[name]
+    if screw.head == "nut":
+        return screw.engagement_m or screw.head_height_m
     if screw.engagement_m is not None or screw.length_m is None or screw.into is None:
         return screw.engagement_m or screw.length_m
     lines = _Lines(config, name)
@@ -211,6 +215,8 @@ def find_shank_issues(config: AssemblyConfig) -> Iterator[Issue]:
             )
             yield Issue(message, ("screws", name, "torque_nm"))
         yield from _find_start_issues(config, name)
+        if screw.head == "nut":
+            yield from _find_bolt_issue(config, name)
         if screw.length_m is not None:
             yield from _find_feeder_issue(config, name)
             yield from _find_depth_issues(config, name)
@@ -237,6 +243,23 @@ def _find_start_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
                 f"{words}, {_show_mm(apart_m)} away. Move one of them.", ("screws", name, "start_m")
             )
             return
+
+
+def _find_bolt_issue(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+    """Yield a nut whose bolt does not reach through it, or is not there."""
+    screw, layout = config.screws[name], get_layout(config)
+    seat, (body, *_) = layout.hole(screw), screw.into_names
+    solid = layout.goal(body) if body in config.parts else layout.fixture(body)
+    spans_m = solid.spans_m(plus(seat, screw.direction, -_FAR_M), screw.direction)
+    high_m = _FAR_M - min((begin_m for begin_m, _ in spans_m), default=_FAR_M)
+    if high_m < _LEAST_THREAD * screw.head_height_m:
+        above = f"ends {_show_mm(high_m)} above its seat"
+        there = above if high_m > TOUCH_M else "has no bolt on its axis"
+        yield Issue(
+            f"{body!r} {there}, and the nut is {_show_mm(screw.head_height_m)} high. Name the part "
+            "with its bolt, or move the hole.",
+            ("screws", name, "into"),
+        )
 
 
 def _find_feeder_issue(config: AssemblyConfig, name: str) -> Iterator[Issue]:

@@ -1,7 +1,8 @@
 """YAML schema of screws: size, head, shank, hole and thread, with the facts of the standards.
 
 Pitches are of the coarse series of ISO 261. Heads are the greatest of ISO 4762 (socket), ISO 7045
-(pan), ISO 7380-1 (button) and ISO 4017 (hex); a hexagon counts as the circle through its corners.
+(pan), ISO 7380-1 (button), ISO 4017 (hex) and ISO 4032 (nut); a hexagon counts as the circle
+through its corners.
 """
 
 from __future__ import annotations
@@ -29,9 +30,10 @@ from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
 from skillplan.task.pose import DOWN, Point, is_same_direction
 from skillplan.task.scene import Shank
+from skillplan.task.shape import Cylinder, Shape, make_ring
 
 Size = Literal["M2", "M2.5", "M3", "M4", "M5", "M6", "M8", "M10", "M12"]
-Head = Literal["socket", "pan", "button", "hex"]
+Head = Literal["socket", "pan", "button", "hex", "nut"]
 Torque = Annotated[float, Field(gt=0, le=1000)]
 
 UP: Final[Point] = (0.0, 0.0, 1.0)
@@ -43,6 +45,7 @@ _STANDARDS: Final = {
     "pan": "ISO 7045",
     "button": "ISO 7380-1",
     "hex": "ISO 4017",
+    "nut": "ISO 4032",
 }
 # Pitch of the coarse thread [mm].
 _PITCHES_MM: Final = {
@@ -99,7 +102,24 @@ _HEADS_MM: Final[dict[str, dict[str, tuple[float, float]]]] = {
         "M10": (16.0, 6.4),
         "M12": (18.0, 7.5),
     },
+    # A nut is all head.
+    "nut": {
+        "M2": (4.0, 1.6),
+        "M2.5": (5.0, 2.0),
+        "M3": (5.5, 2.4),
+        "M4": (7.0, 3.2),
+        "M5": (8.0, 4.7),
+        "M6": (10.0, 5.2),
+        "M8": (13.0, 6.8),
+        "M10": (16.0, 8.4),
+        "M12": (18.0, 10.8),
+    },
 }
+HEXAGONS: Final = ("hex", "nut")
+"""Heads that sockets turn."""
+
+# Clearance of a nut about its bolt, whose thread is not modelled [m].
+_NUT_CLEARANCE_M: Final = 2.5e-4
 _STEEL_KG_M3: Final = 7850.0
 # Keys of a thread, which only a size has.
 _THREAD_KEYS = ("head", "length_m", "pitch_m", "engagement_m", "into")
@@ -155,7 +175,8 @@ class ScrewConfig(Strict):
         None,
         exclude_if=is_absent,
         description="type of its head: socket (ISO 4762), pan (ISO 7045), button (ISO 7380-1) or "
-        "hex (ISO 4017); left out: socket",
+        "hex (ISO 4017); or nut (ISO 4032), a hexagon nut that a socket drives onto the bolt in "
+        "'into'; left out: socket",
     )
     length_m: Length | None = Field(
         None,
@@ -267,8 +288,24 @@ class ScrewConfig(Strict):
             return None
         kind = self.head or _DEFAULT_HEAD
         width_mm, height_mm = _HEADS_MM[kind][self.size]
-        diameter_mm = width_mm * 2 / math.sqrt(3) if kind == "hex" else width_mm
+        diameter_mm = width_mm * 2 / math.sqrt(3) if kind in HEXAGONS else width_mm
         return ScrewHead(diameter_mm / 1e3, height_mm / 1e3)
+
+    @property
+    def flats_m(self) -> float | None:
+        """Width across the flats of a hexagon [m]; None for other heads."""
+        if self.size is None or self.head not in HEXAGONS:
+            return None
+        return _HEADS_MM[self.head][self.size][0] / 1e3
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Its head, or the ring of a nut."""
+        height_m = self.head_height_m
+        if self.head == "nut":
+            hole_m = (self.diameter_m / 2 + _NUT_CLEARANCE_M) / math.cos(math.pi / 6)
+            return make_ring(hole_m, self.head_diameter_m / 2, 0.0, height_m, 6)
+        return (Cylinder(self.head_diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
 
     @property
     def shank(self) -> Shank | None:
@@ -295,6 +332,8 @@ class ScrewConfig(Strict):
         for key in _THREAD_KEYS:
             if self.size is None and getattr(self, key) is not None:
                 raise Located("give 'size', too, such as M4.", key)
+        if self.head == "nut":
+            return self._check_nut()
         if self.into is not None and self.length_m is None:
             raise Located("give 'length_m', too: without it no shank is modelled.", "into")
         if self.hole_depth_m is not None and self.length_m is None:
@@ -302,6 +341,14 @@ class ScrewConfig(Strict):
         if (self.engagement_m or 0.0) > (self.length_m or math.inf):
             words = f"is more than the shank, {self.length_m:g} m."
             raise Located(words, "engagement_m")
+        return self
+
+    def _check_nut(self) -> ScrewConfig:
+        for key in ("length_m", "hole_depth_m"):
+            if getattr(self, key) is not None:
+                raise Located("a nut has no shank. Leave it out.", key)
+        if self.into is None:
+            raise Located("give 'into', the part with the bolt that it goes on.", "head")
         return self
 
     @model_validator(mode="after")
@@ -325,6 +372,8 @@ class ScrewConfig(Strict):
             self._fill_in("head_height_m", head.height_m)
         shank_m3 = self.diameter_m**2 * (self.length_m or 0.0)
         head_m3 = self.head_diameter_m**2 * self.head_height_m
+        if self.head == "nut":
+            head_m3 -= self.diameter_m**2 * self.head_height_m
         self._fill_in("mass_kg", round(_STEEL_KG_M3 * math.pi / 4 * (shank_m3 + head_m3), 6))
         if self.head_diameter_m <= self.diameter_m:
             words = f"is not wider than the thread, {self.diameter_m:g} m."

@@ -13,7 +13,7 @@ from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue, name_hint
 from skillplan.task.pose import Pose
-from skillplan.task.shape import Cylinder, move_shape
+from skillplan.task.shape import move_shape
 
 
 def join_members(config: AssemblyConfig) -> None:
@@ -52,13 +52,9 @@ def _join(config: AssemblyConfig, name: str) -> None:
     joined.join(
         {n: (config.parts[n], back.then(layout.goal(n).pose)) for n in parts},
         [
-            move_shape(
-                Cylinder(
-                    screw.head_diameter_m, screw.head_height_m, (0, 0, screw.head_height_m / 2)
-                ),
-                back.then(layout.hole_pose(screw)),
-            )
+            move_shape(shape, back.then(layout.hole_pose(screw)))
             for screw in screws
+            for shape in screw.shapes
         ],
     )
     config.parts[name] = joined

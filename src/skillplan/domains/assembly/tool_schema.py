@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
@@ -34,7 +34,7 @@ from skillplan.robots.arm_description import Hand, JawProfile
 from skillplan.task.motion import AXES
 from skillplan.task.pose import Point, Pose, plus
 from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind, find_cup_height_m
-from skillplan.task.shape import Box, Mesh, Shape
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape, make_ring
 
 SAFETY_FACTOR: Final = 2.0
 """Safety factor of suction for parts that are not smooth and dense (Schmalz, holding forces)."""
@@ -44,6 +44,9 @@ ACCELERATION_M_PER_S2: Final = 5.0
 
 # Greatest distance of a cup from the place opposite to another one [m].
 _OPPOSITE_M: Final = 1e-6
+# Outer diameter of a socket and its depth about a hexagon, in widths of that: the heads of ISO 4017
+# are 0.35 to 0.44 high. Its play about the corners [m], and its number of pieces.
+_SOCKET_WIDTHS, _SOCKET_BELOW, _SOCKET_PLAY_M, _SOCKET_SIDES = 1.5, 0.33, 3e-4, 12
 # Sides of the prism about a cylinder.
 _SIDES: Final = 16
 # Keys of a tool file that a task's own key replaces.
@@ -103,6 +106,13 @@ class ToolConfig(Strict):
         None,
         exclude_if=is_absent,
         description="diameter of that bit, ram or needle [m]; left out: 0.005",
+    )
+    socket_m: Annotated[float, Field(ge=2e-3, le=0.1)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="width across the flats of the hexagon that the socket of a screwdriver takes "
+        "[m]; it turns nuts and hexagon heads, its outer diameter is 'bit_diameter_m', left out: "
+        "1.5 times the width; left out: a bit",
     )
     torque_nm: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
         None,
@@ -270,6 +280,20 @@ class ToolConfig(Strict):
         return self
 
     @model_validator(mode="after")
+    def _socket_has_walls(self) -> ToolConfig:
+        if self.socket_m is None:
+            return self
+        if self.type != "screwdriver":
+            raise Located("only a screwdriver has a socket. Give type: screwdriver.", "socket_m")
+        if self.body is None:
+            raise Located("give 'body', too, the shape of the tool above its socket.", "socket_m")
+        least_m = 2 * (self.socket_m / math.sqrt(3) + 2 * _SOCKET_PLAY_M)
+        if self.bit_diameter_m is not None and self.bit_diameter_m < least_m:
+            words = f"is no socket about {self.socket_m:g} m. Give {least_m:.4f} or more."
+            raise Located(words, "bit_diameter_m")
+        return self
+
+    @model_validator(mode="after")
     def _jaws_rise(self) -> ToolConfig:
         rows = self.jaw_profile_m or ()
         if self.jaw_profile_m is not None and self.type not in (None, "gripper"):
@@ -286,7 +310,9 @@ class ToolConfig(Strict):
     def holder(self) -> Point:
         """Position of its holder [m]."""
         x_m, y_m = self.holder_m or (0.0, 0.0)
-        return (x_m, y_m, self.holder_height_m)
+        # The rim of a socket is below its tip.
+        below_m = _SOCKET_BELOW * self.socket_m if self.socket_m else 0.0
+        return (x_m, y_m, self.holder_height_m + below_m)
 
     @property
     def bit_m(self) -> tuple[float, float] | None:
@@ -376,12 +402,26 @@ class ToolConfig(Strict):
             changes |= _place_body(self.body.convex_shapes, begins_m)
         return replace(hand, **changes)
 
+    def _list_socket_shapes(self) -> Iterator[Shape]:
+        """Yield a socket from its tip, which is on the hexagon in it, and its extension."""
+        if self.socket_m is None:
+            return
+        length_m, _ = self.bit_m or STANDARD_BIT_M
+        outer_m = (self.bit_diameter_m or _SOCKET_WIDTHS * self.socket_m) / 2
+        inner_m = self.socket_m / math.sqrt(3) + _SOCKET_PLAY_M
+        flat = math.cos(math.pi / _SOCKET_SIDES)
+        below_m, inside_m = _SOCKET_BELOW * self.socket_m, min(self.socket_m, length_m / 2)
+        corners_m = inner_m / flat, outer_m / flat
+        yield from make_ring(*corners_m, -below_m, inside_m, _SOCKET_SIDES)
+        yield Cylinder(2 * outer_m, length_m - inside_m, (0.0, 0.0, (inside_m + length_m) / 2))
+
     def list_shapes(self, kind: ToolKind, hand: Hand) -> tuple[Shape, ...]:
         """Return the convex shapes of the body from its tip, each with its half turn."""
         if self.body is None or kind is ToolKind.GRIPPER:
             return ()
         shapes = [
-            _move_shape(shape, self.measure_end_m(kind, hand)) for shape in self.body.convex_shapes
+            *self._list_socket_shapes(),
+            *(_move_shape(s, self.measure_end_m(kind, hand)) for s in self.body.convex_shapes),
         ]
         # A hand may be turned by half a turn, and the tool with it.
         return tuple(dict.fromkeys([*shapes, *map(_turn_shape, shapes)]))

@@ -25,6 +25,7 @@ _FACTS: Final = (
     ("outer_grip_m", "m"),
     ("inner_grip_m", "m"),
     ("cup_diameter_m", "m"),
+    ("socket_m", "m"),
     ("bit_length_m", "m"),
     ("bit_diameter_m", "m"),
     ("force_n", "N"),
@@ -128,6 +129,7 @@ class ToolSummary:
             bit_m=config.bit_m,
             shapes=config.list_shapes(self.kind, hand),
             cups=config.cups,
+            is_socket=config.socket_m is not None,
         )
 
 
