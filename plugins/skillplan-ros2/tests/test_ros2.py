@@ -27,10 +27,10 @@ from skillplan.pipeline import (
     make_handover,
     make_model,
 )
-from skillplan.task import Skill
+from skillplan.task import Pose, Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task, solved_lid
 from skillplan_pinocchio import SweptDetector
-from skillplan_ros2 import TEXT_TYPE, TRAJECTORY_TYPE, list_message_types
+from skillplan_ros2 import TEXT_TYPE, TRAJECTORY_TYPE, TURN_TYPE, list_message_types
 from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -47,7 +47,7 @@ class TestRos2AsText(ExporterSuite):
     options: ClassVar[dict[str, Any]] = {"format": "yaml"}
 
 
-@pytest.mark.parametrize("name", [TEXT_TYPE, TRAJECTORY_TYPE])
+@pytest.mark.parametrize("name", [TEXT_TYPE, TRAJECTORY_TYPE, TURN_TYPE])
 def test_messages_are_defined_as_ros_has_them(name):
     """By text and by the hash that tells a reader of another definition."""
     own, known = list_message_types(), get_typestore(Stores.ROS2_HUMBLE)
@@ -283,3 +283,34 @@ def test_that_the_hand_is_left_out_is_noted():
     (bag_note,) = list_notes(make_exporter("ros2", {}), best("inverter_board"))
     (text_note,) = list_notes(make_exporter("ros2", {"format": "yaml"}), best("inverter_board"))
     assert ("/skillplan/hand" in bag_note, "comments" in text_note) == (True, True)
+
+
+@pytest.mark.slow(reason="swept plans a turn")
+def test_a_turn_has_the_poses_of_the_playback_and_holders_act_while_the_arm_rests(tmp_path):
+    cell = yaml.safe_load((CONFIGS / "cell_turn.yaml").read_text())
+    for section, name in (("parts", "foot"), ("parts", "cover"), ("tools", "driver")):
+        del cell[section][name]
+    del cell["screws"], cell["expect"]
+    path = tmp_path / "cell.yaml"
+    path.write_text(yaml.safe_dump(cell, sort_keys=False))
+    task = load_problem(path, {"physics": (), "collision": ()}).task
+    known = ("at(home)", "fixed", "hand_free", "tool(gripper)", "turned(flip.up)")
+    task = task.replace(initial=task.facts.of(*known, "placed(chassis)", "open(vise)"))
+    skills = [task.skill(name) for name in ("clamp(chassis)", "turn(flip.down)")]
+    setup = Setup(collision=("swept",))
+    model = make_model(task, setup)
+    handover = make_handover(model, setup, replay(model, skills))
+    bag = written(tmp_path, handover, format="both")
+    acts = [(time_ns, message.data) for time_ns, message in read(bag, "/skillplan/hand")]
+    ((begin_ns, turn),) = read(bag, "/skillplan/workholder")
+    assert acts == [(0, "clamp(chassis)"), (begin_ns, "turn flip.down")]
+    assert '# turn of "flip" from' in (bag / "trajectories.yaml").read_text()
+    played = SweptDetector(task).planned_motion(skills, 20).samples
+    start = played[0].bodies["chassis"]
+    for point in turn.points[10::20]:
+        after_ns = point.time_from_start.sec * 10**9 + point.time_from_start.nanosec
+        place, rotation = point.transforms[0].translation, point.transforms[0].rotation
+        turned = Pose((place.x, place.y, place.z), (rotation.x, rotation.y, rotation.z, rotation.w))
+        shown = played[round((begin_ns + after_ns) / 1e9 * 20) - 1].bodies["chassis"]
+        assert turned.then(start).position == pytest.approx(shown.position, abs=1e-4)
+    assert played[-1].bodies["chassis"].rotate((0.0, 0.0, 1.0)) == pytest.approx((0, 0, -1))

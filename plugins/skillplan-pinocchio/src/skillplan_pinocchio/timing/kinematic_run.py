@@ -65,7 +65,8 @@ class KinematicRun:
         self._now_s = 0.0
         self._skill = self._phase = ""
         self._opening_m = 0.0
-        self._joints: Vector | None = None
+        # If the arm cannot stand there, it begins above its first target.
+        self._joints: Vector | None = paths.stand(task.initial)[1]
         self._state = task.initial
         # Poses of fixed bodies; the held body and its pose in the frame of the tip.
         self._poses: dict[str, Pose] = {}

@@ -128,7 +128,13 @@ class Fastenings:
         """Return the bodies that nothing moves: parts in holders, jaws, and workholders."""
         if not self._holds_product:
             return set()
-        return {*self.task.scene.list_held(state), *self._jaws, *self._own}
+        return {*self._list_in_holders(state), *self._jaws, *self._own}
+
+    def _list_in_holders(self, state: State) -> set[str]:
+        """Return the parts at their goals that holders keep there; others are still to come."""
+        goals = self.task.operations
+        held = self.task.scene.list_held(state)
+        return {part for part in held if part in goals and goals[part] in state}
 
     def basis(self, names: Collection[str], state: State) -> tuple[State, State]:
         """Return the facts that decide whether bodies are held, by their truth."""
@@ -195,16 +201,9 @@ class Fastenings:
                 vanishes.append(body.name)
                 if lead is None:
                     lead = body.name, before.pose
-        held, still_held = (set(scene.list_held(its)) for its in (state, after))
-        placed = {
-            body.name
-            for body in scene.bodies
-            if (placement := body.placement(after)) is not None
-            and placement.frame == WORLD
-            and placement.fact not in self.task.initial
-        }
+        held, still_held = map(self._list_in_holders, (state, after))
         return Rearrangement(
-            tuple(sorted((still_held - held) & placed)),
+            tuple(sorted(still_held - held)),
             tuple(sorted(held - still_held)),
             tuple(appears),
             tuple(vanishes),

@@ -608,7 +608,7 @@ class SkillRunner(ControlledRobot):
     def _release(self, motion: LinearMotion) -> None:
         subject = motion.visit.subject
         self.log.free.add(subject)
-        if subject in self._in_holders:
+        if subject in self._in_holders and motion.visit.at_goal:
             # It does not fall into its holder.
             self.move(plus(motion.tip, DOWN, motion.drop_m), None, _LOWERING_M_PER_S)
             fix_in_place(self.world, subject)
