@@ -57,6 +57,7 @@ PANELS = {
         "init": "Write a commented task file as a starting point.",
         "check": "Validate a task file and list all its faults.",
         "import-cad": "Find parts, screws and their blocking relation in CAD (skillplan-cad).",
+        "nest": "Cut a nest for a part from CAD, check it by rays, write STL (skillplan-cad).",
         "generate": "Generate a random task file: parts, precedence, tools.",
         "schema": "Print the JSON Schema of a kind of task file.",
     },

@@ -5,9 +5,9 @@ Imports are inside functions, so that the help of a command is instant.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skillplan.cli.options.shared import BackEnds, Caching, PartReading, Reading
 from skillplan.cli.options.values import parse_options, split_names
@@ -271,3 +271,46 @@ def verify_before_showing(path: str, time_limit_s: float | None) -> Certificate:
             f"`skillplan verify {path}` checks all claims."
         )
     return certificate
+
+
+def load_cad_command(name: str, command: str) -> Callable[..., Any]:
+    """Return a function of skillplan-cad.
+
+    Parameters
+    ----------
+    name
+        Its entry point.
+    command
+        The command that calls it, for messages.
+
+    Raises
+    ------
+    PluginError
+        If the plugin is absent or broken.
+    """
+    from skillplan.errors import PluginError
+    from skillplan.plugins.blame import ends_program
+    from skillplan.plugins.installed import importers
+
+    registered = [importer for importer in importers() if importer.name == name]
+    if not registered:
+        raise PluginError(
+            f"{command} is a command of the plugin skillplan-cad, which is not installed: "
+            "pip install 'skillplan[cad]', or in a checkout "
+            "pip install -c constraints.txt -e plugins/skillplan-cad."
+        )
+    if len(registered) > 1:
+        owners = " and ".join(
+            sorted({entry.dist.name for entry in registered if entry.dist is not None})
+        )
+        raise PluginError(f"{command} is provided by {owners}. Uninstall one of them.")
+    try:
+        loaded: Callable[..., Any] = registered[0].load()
+    except BaseException as error:
+        if ends_program(error):
+            raise
+        raise PluginError(
+            f"{command} cannot be imported ({registered[0].value}): {type(error).__name__}: "
+            f"{error}. Install skillplan-cad anew."
+        ) from error
+    return loaded

@@ -16,6 +16,13 @@ from .joints.fits import FitOptions as FitOptions
 from .joints.fits import compute_allowance_m as compute_allowance_m
 from .joints.fits import compute_thread_depth_m as compute_thread_depth_m
 from .joints.fits import relieve_fits as relieve_fits
+from .nests.nest import KeepFree as KeepFree
+from .nests.nest import Nest as Nest
+from .nests.nest import NestSettings as NestSettings
+from .nests.nest import build_jaws as build_jaws
+from .nests.nest import build_nest as build_nest
+from .nests.nest_check import NestCheck as NestCheck
+from .nests.nest_check import check_nest as check_nest
 from .planning.assembly_plan import Planner as Planner
 from .planning.assembly_plan import add_groups as add_groups
 from .planning.assembly_plan import find_groups as find_groups
@@ -83,8 +90,12 @@ __all__ = [
     "ImportSettings",
     "Instance",
     "Item",
+    "KeepFree",
     "LeftOut",
     "Limits",
+    "Nest",
+    "NestCheck",
+    "NestSettings",
     "Part",
     "Planner",
     "Product",
@@ -102,7 +113,10 @@ __all__ = [
     "assemble_relation",
     "assign_materials",
     "assign_task_names",
+    "build_jaws",
+    "build_nest",
     "build_task",
+    "check_nest",
     "choose_arm",
     "choose_attitude",
     "compute_allowance_m",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -18,8 +18,6 @@ PLANNING = "Planning"
 _UPS = ("auto", "x", "y", "z", "-x", "-y", "-z")
 _DIRECTIONS = ("axes", "cylinders", "contacts")
 _THREADS = ("unscrew", "solid", "ignore")
-# Entry point of the importer.
-_NAME = "cad"
 
 
 def command(
@@ -274,6 +272,7 @@ def command(
     not tried are left out. Needs the plugin skillplan-cad.
     """
     from skillplan.cli.interruption import handle_signals
+    from skillplan.cli.load import load_cad_command
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
@@ -289,7 +288,7 @@ def command(
         with handle_signals(interrupted.set):
             yield lambda share: interrupted.is_set() or deadline.is_over(share)
 
-    imported = _importer()(
+    imported = load_cad_command("cad", "import-cad")(
         product,
         out,
         {
@@ -326,33 +325,3 @@ def command(
     # CSV prints the last table.
     emit(style, document, tables[:1] if style == "csv" else tables)
     return exit_code(solved=imported.complete, interrupted=interrupted.is_set())
-
-
-def _importer() -> Callable[..., Any]:
-    """Return the importer of the plugin; raises PluginError if it is absent or broken."""
-    from skillplan.errors import PluginError
-    from skillplan.plugins.blame import ends_program
-    from skillplan.plugins.installed import importers
-
-    registered = [importer for importer in importers() if importer.name == _NAME]
-    if not registered:
-        raise PluginError(
-            "import-cad is a command of the plugin skillplan-cad, which is not installed: "
-            "pip install 'skillplan[cad]', or in a checkout "
-            "pip install -c constraints.txt -e plugins/skillplan-cad."
-        )
-    if len(registered) > 1:
-        owners = " and ".join(
-            sorted({entry.dist.name for entry in registered if entry.dist is not None})
-        )
-        raise PluginError(f"import-cad is provided by {owners}. Uninstall one of them.")
-    try:
-        loaded: Callable[..., Any] = registered[0].load()
-    except BaseException as error:
-        if ends_program(error):
-            raise
-        raise PluginError(
-            f"import-cad cannot be imported ({registered[0].value}): {type(error).__name__}: "
-            f"{error}. Install skillplan-cad anew."
-        ) from error
-    return loaded

@@ -11,7 +11,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Circle, Patch, PathPatch, Polygon
+from matplotlib.path import Path
 
 from skillplan.views.figures.figure_style import (
     BLUE,
@@ -157,6 +158,29 @@ class Picture:
             Note for pages.
         """
         self._add(Polygon(points, closed=True), fill, stroke, width_px, dashed, opacity, note)
+
+    def area(
+        self,
+        rings: Sequence[Sequence[Point]],
+        fill: str | None,
+        stroke: str | None = None,
+        width_px: float = 1.0,
+        *,
+        opacity: float = 1.0,
+        hatch: str | None = None,
+    ) -> None:
+        """Draw an area between rings, whose holes run the other way; parameters as of `polygon`.
+
+        Parameters
+        ----------
+        hatch
+            Pattern of matplotlib in the colour of the stroke; None for none.
+        """
+        if not rings:
+            return
+        path = Path.make_compound_path(*(Path([*ring, ring[0]], closed=True) for ring in rings))
+        patch = PathPatch(path, hatch=hatch)
+        self._add(patch, fill, stroke, width_px, False, opacity, None)
 
     def line(
         self,

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from skillplan.domains.domain import Listing
 from skillplan.pipeline.registry import PluginInfo
 from skillplan.records.cache import CacheFilling, CacheSurvey, CacheTest
+from skillplan.views.figures.nest_figure import list_nest_facts
 from skillplan.views.text.table import Column, Table
 
 
@@ -275,6 +276,56 @@ def tabulate_import(
         notes.insert(0, f"{len(parts) - len(rows)} more parts: --format csv lists all")
     title = f"{document['product']}: imported"
     return [Table(title, columns, rows, notes), _tabulate_reasons(document, advice)]
+
+
+def tabulate_nests(document: Mapping[str, Any], out: str) -> list[Table]:
+    """Return a table of nests with their checks, one row each.
+
+    Parameters
+    ----------
+    document
+        ``skillplan.nest/1``.
+    out
+        Folder of the files.
+    """
+    columns = [
+        Column("nest"),
+        Column("size [mm]", right=True),
+        Column("held [mm]", right=True),
+        Column("least gap [mm]", right=True),
+        Column("rays", right=True),
+        Column("pins", right=True),
+        Column("pieces", right=True),
+        Column("check"),
+    ]
+    rows, notes = [], []
+    for nest in document["nests"]:
+        check = nest["check"]
+        rows.append(
+            (
+                nest["name"],
+                " x ".join(f"{size:.4g}" for size in nest["size_mm"]),
+                f"{nest['depth_mm']:.4g}",
+                f"{check['least_gap_mm']:.3f}",
+                f"{check['rays']}",
+                str(len(nest["pins"])),
+                str(nest["pieces"]),
+                "good" if check["good"] else "not good",
+            )
+        )
+        notes += [f"{nest['name']}: {line}" for line in list_nest_facts(nest)]
+        x, y, z = (f"{value:g}" for value in nest["seated_mm"])
+        notes.append(
+            f"{nest['name']}: the centre of the part's bottom sits {x} {y} {z} mm from that of the "
+            "nest's"
+        )
+    if document["good"]:
+        notes.append(f"{out} holds STL to print (mm), OBJ for a fixture in a task (m), drawings")
+    else:
+        notes.append(f"{out} holds drawings and nest.json, but no meshes of what is not good")
+    parts = sorted({part for nest in document["nests"] for part in nest["parts"]})
+    about = ", ".join(parts[:3]) + (f" and {len(parts) - 3} more" if len(parts) > 3 else "")
+    return [Table(f"{document['kind']} for {about}", columns, rows, notes)]
 
 
 def _list_reasons(document: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:

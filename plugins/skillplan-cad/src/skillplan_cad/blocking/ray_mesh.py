@@ -8,17 +8,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.product import Part
+from skillplan_cad.product import Points, Triangles
 
 Floats = NDArray[np.float64]
 
 # Largest number of hits per ray, and the distance between distinct hits.
 _MOST_HITS, _STEP_MM = 64, 1e-4
+
+
+class Meshed(Protocol):
+    """A part, or another mesh in metres."""
+
+    @property
+    def vertices_m(self) -> Points:
+        """Vertices."""
+
+    @property
+    def triangles(self) -> Triangles:
+        """Indices of vertices."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +72,7 @@ class RayMesh:
         Radius of a sphere around the origin that contains the part.
     """
 
-    def __init__(self, part: Part, middle_m: Floats) -> None:
+    def __init__(self, part: Meshed, middle_m: Floats) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
@@ -148,6 +160,19 @@ class RayView:
         hit = self._mesh.find_first_hits(origins, directions)
         height, slope = self._evaluate_hits(hit, np.concatenate([flat, flat]))
         return Heights(height[:count], height[count:], slope[:count], slope[count:])
+
+    def trace_first(self, flat: Floats, side: Literal[1, -1]) -> Floats:
+        """Return the heights of first entries of rays upwards (1) or downwards (-1); nan if none.
+
+        Parameters
+        ----------
+        flat
+            Points of the rays (n, 2).
+        """
+        along = side * self._frame[2]
+        origins = flat @ self._frame[:2] - self._mesh.reach_mm * along
+        hit = self._mesh.find_first_hits(origins, np.repeat(along[None], len(flat), axis=0))
+        return self._evaluate_hits(hit, flat)[0]
 
     def trace_crossings(self, flat: Floats) -> tuple[Floats, Floats]:
         """Return the heights of all entries and exits of each ray, padded with infinity."""

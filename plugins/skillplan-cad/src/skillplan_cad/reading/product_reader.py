@@ -232,6 +232,8 @@ class ReadOptions:
         Patterns of the names of parts that are left out, or of the only ones that are read.
     as_one
         Patterns; the parts of each become one part.
+    fewest
+        Number of parts below which a product is refused.
     """
 
     unit: str | None = None
@@ -241,6 +243,7 @@ class ReadOptions:
     leave_out: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     as_one: tuple[str, ...] = ()
+    fewest: int = 2
 
 
 def read_product(path: Path, options: ReadOptions, report: Report | None = None) -> Product:
@@ -272,7 +275,7 @@ def read_product(path: Path, options: ReadOptions, report: Report | None = None)
     warnings += sheets
     parts, thin = _leave_out_thin(parts)
     warnings += thin
-    _refuse_single(path, parts, warnings)
+    _refuse_few(path, parts, options.fewest, warnings)
     _refuse_many_triangles(path, parts)
     _refuse_own_frames(path, parts)
     shapes, mirrors = find_shapes([mesh.part for mesh in parts], raw.chord_m, report)
@@ -280,7 +283,7 @@ def read_product(path: Path, options: ReadOptions, report: Report | None = None)
     warnings += twice.values()
     kept = [number for number in range(len(parts)) if number not in twice]
     parts, shapes = [parts[number] for number in kept], shapes[kept]
-    _refuse_single(path, parts, warnings)
+    _refuse_few(path, parts, options.fewest, warnings)
     if raw.chord_m == 0:
         warnings += _question_unit(parts, raw.unit)
     if repeated:
@@ -682,8 +685,8 @@ def _report_seldom(report: Report) -> Report:
     return tell
 
 
-def _refuse_single(path: Path, meshes: Sequence[Mended], warnings: Sequence[str]) -> None:
-    if len(meshes) > 1:
+def _refuse_few(path: Path, meshes: Sequence[Mended], fewest: int, warnings: Sequence[str]) -> None:
+    if len(meshes) >= fewest:
         return
     about = f" {' '.join(warnings)}" if warnings else ""
     if not meshes:

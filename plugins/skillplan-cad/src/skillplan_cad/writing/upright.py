@@ -62,14 +62,14 @@ def place_upright(parts: Iterable[Part], up: Vector, place_m: tuple[float, float
     place_m
         Centre of their bounding box on the table, x y [m].
     """
-    matrix = _compute_rotation_to_z(up)
+    matrix = compute_rotation_to_z(up)
     points = np.concatenate([part.vertices_m for part in parts]) @ matrix.T
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     return Upright(matrix, np.array([place_m[0] - middle[0], place_m[1] - middle[1], -low[2]]))
 
 
-def _compute_rotation_to_z(up: Vector) -> Array:
+def compute_rotation_to_z(up: Vector) -> Array:
     """Return the smallest rotation that turns a unit vector upwards."""
     z = np.asarray(up) / np.linalg.norm(up)
     if abs(z[2]) > 1 - 1e-12:
