@@ -10,11 +10,11 @@ from skillplan.domains import Problem
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline import (
     Setup,
+    compare_solvers,
     list_solvers,
     load_problem,
     map_solvers,
     solve_chain,
-    solve_chain_with_all,
 )
 from skillplan.records import ChainResult, Status
 from skillplan.solvers import Stop
@@ -134,7 +134,7 @@ class TestSolvers:
     def test_several_solvers_run_one_after_the_other(self, polygonal):
         """With a stop each, and none after one that the user has interrupted."""
         names = ["exact", "policy-iteration"]
-        chains = solve_chain_with_all(polygonal, names)
+        chains = compare_solvers(polygonal, names)
         assert names == [chain.solver for chain in chains]
         assert [17.0, 17.0] == [chain.cost for chain in chains]
 
@@ -143,7 +143,7 @@ class TestSolvers:
             stop.interrupted = name == "exact"
             return stop
 
-        (only,) = solve_chain_with_all(polygonal, names, make_stop=interrupted)
+        (only,) = compare_solvers(polygonal, names, make_stop=interrupted)
         assert only.interrupted
 
 

@@ -10,14 +10,16 @@ from skillplan.checks import DiskVerdictCache
 from skillplan.collision import AabbDetector, Detector
 from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
 from skillplan.files import get_cache_folder
+from skillplan.judge import cross_examine
 from skillplan.pipeline import (
     Setup,
+    Terms,
     load_problem,
     make_model,
     make_solver,
     registry,
+    rows_in_turn,
     solve,
-    solve_all,
 )
 from skillplan.solvers import Plan, Solution, Stop
 from skillplan.task import BackEndChoice, Verdict
@@ -32,6 +34,12 @@ GEOMETRIC = "swept" if "swept" in registry.names("collision") else "aabb"
 
 def names(task, setup=Setup()):
     return [back_end.name for back_end in setup.back_ends(task)]
+
+
+def solve_with_all(task, solvers, setup=Setup(), make_stop=lambda name: Stop()):
+    """Return the results of several solvers that a comparison runs in turn on any task."""
+    problem = replace(load_problem(BOARD), tasks=(task,))
+    return cross_examine(rows_in_turn(Terms(problem, setup), solvers, make_stop))
 
 
 def test_a_path_becomes_a_judged_result():
@@ -154,7 +162,7 @@ def test_a_back_end_that_fails_to_start_is_named(monkeypatch, method):
 
 def test_each_solver_of_a_comparison_starts_cold(lid_task):
     """The second asks as much as it would alone."""
-    together = solve_all(lid_task, ["exact", "exhaustive", "exact"])
+    together = solve_with_all(lid_task, ["exact", "exhaustive", "exact"])
     alone = solve(lid_task, "exhaustive")
     assert [result.status for result in together] == ["optimal"] * 3
     assert together[1].checks == alone.checks
@@ -172,7 +180,7 @@ def test_a_comparison_holds_the_claims_together(monkeypatch):
         lambda name, *rest: {"liar": liar, "honest": honest}[name],
     )
     assert solve(task, "liar", setup).status == "optimal"
-    judged = solve_all(task, ["liar", "honest"], setup)
+    judged = solve_with_all(task, ["liar", "honest"], setup)
     assert [result.status for result in judged] == ["wrong", "solved"]
 
 
@@ -184,7 +192,7 @@ def test_an_interrupted_comparison_leaves_out_the_rest(board_task):
         stop.interrupt()
         return stop
 
-    results = solve_all(board_task, ["exhaustive", "exact"], make_stop=make_stop)
+    results = solve_with_all(board_task, ["exhaustive", "exact"], make_stop=make_stop)
     assert len(results) == 1
     assert results[0].interrupted
 
@@ -347,7 +355,7 @@ class TestConstruction:
 
     def test_each_solver_of_a_comparison_has_its_own(self, made, setup):
         """What a back end remembers for one must not spare the next its work."""
-        solve_all(two_roads_task(), ["exact", "exhaustive"], setup)
+        solve_with_all(two_roads_task(), ["exact", "exhaustive"], setup)
         assert len(made) == 2
 
     def test_the_referee_has_a_fresh_model(self, made, setup):

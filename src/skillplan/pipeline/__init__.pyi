@@ -5,9 +5,8 @@ from .certification import certify as certify
 from .chain import solve_chain as solve_chain
 from .comparison import Terms as Terms
 from .comparison import compare_solvers as compare_solvers
+from .comparison import rows_in_turn as rows_in_turn
 from .comparison import rows_side_by_side as rows_side_by_side
-from .comparison import solve_all as solve_all
-from .comparison import solve_chain_with_all as solve_chain_with_all
 from .examples import list_examples as list_examples
 from .examples import read_example as read_example
 from .exchange import describe_policy as describe_policy
@@ -67,11 +66,10 @@ __all__ = [
     "read_example",
     "read_given_plan",
     "registry",
+    "rows_in_turn",
     "rows_side_by_side",
     "search",
     "solve",
-    "solve_all",
     "solve_chain",
-    "solve_chain_with_all",
     "solve_front",
 ]

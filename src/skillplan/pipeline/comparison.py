@@ -30,7 +30,6 @@ from skillplan.plugins.blame import format_traceback, is_debugging
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.stop import Stop
-from skillplan.task.task import Task
 from skillplan.workers.executor import (
     Answer,
     Ended,
@@ -107,83 +106,39 @@ def compare_solvers(
     for name in dict.fromkeys(each for spec in solvers for each in list_solvers(spec)):
         check_solver(name, setup.options.get(name, {}))
     limits = {} if limits is None else limits
+    rows: Sequence[Row]
     if _can_run_at_once(solvers, jobs, limits):
         terms = Terms(problem, setup, seed, warm, audit)
         rows = rows_side_by_side(terms, solvers, jobs, limits, make_stop(", ".join(solvers)))
-        if problem.is_chain:
-            return [row for row in rows if isinstance(row, ChainResult)]
-        return cross_examine([row for row in rows if isinstance(row, Result)])
+    else:
+        rows = rows_in_turn(Terms(problem, setup, seed, warm, audit, jobs), solvers, make_stop)
     if problem.is_chain:
-        return solve_chain_with_all(
-            problem,
-            solvers,
-            setup,
-            seed=seed,
-            make_stop=make_stop,
-            warm=warm,
-            jobs=jobs,
-            audit=audit,
-        )
-    return solve_all(
-        problem.task,
-        solvers,
-        setup,
-        seed=seed,
-        make_stop=make_stop,
-        warm=warm,
-        jobs=jobs,
-        audit=audit,
-    )
+        return [row for row in rows if isinstance(row, ChainResult)]
+    return cross_examine([row for row in rows if isinstance(row, Result)])
 
 
-def solve_all(
-    task: Task,
-    solvers: Sequence[str],
-    setup: Setup = Setup(),
-    *,
-    seed: int = 0,
-    make_stop: Callable[[str], Stop] = lambda name: Stop(),
-    warm: bool = False,
-    jobs: int = 1,
-    audit: int | None = None,
-) -> list[Result]:
-    """Solve a task with several solvers in turn and compare their claims.
+def rows_in_turn(
+    terms: Terms, solvers: Sequence[str], make_stop: Callable[[str], Stop] = lambda name: Stop()
+) -> list[Row]:
+    """Run solvers one after the other and return their rows, up to an interruption.
 
-    The parameters are documented at `compare_solvers`.
+    Parameters
+    ----------
+    make_stop
+        Returns the stop of a solver, given its name.
+
+    Raises
+    ------
+    OptionError, PluginError, TaskError
+        If the input is wrong.
     """
-    results = []
+    rows = []
     for name in solvers:
-        stop, cache = make_stop(name), open_warm_cache() if warm else VerdictCache()
-        request = SearchRequest(task, name, setup, seed, stop, cache, jobs, audit=audit)
-        results.append(_make_row(request))
+        stop = make_stop(name)
+        rows.append(terms.row(name, stop))
         if stop.interrupted:
             break
-    return cross_examine(results)
-
-
-def solve_chain_with_all(
-    problem: Problem,
-    solvers: Sequence[str],
-    setup: Setup = Setup(),
-    *,
-    seed: int = 0,
-    make_stop: Callable[[str], Stop] = lambda name: Stop(),
-    warm: bool = False,
-    jobs: int = 1,
-    audit: int | None = None,
-) -> list[ChainResult]:
-    """Solve a chain with several solvers in turn, each with a cache and a stop of its own.
-
-    The parameters are documented at `compare_solvers`.
-    """
-    first, results = problem.tasks[0], []
-    for name in solvers:
-        stop, cache = make_stop(name), open_warm_cache() if warm else VerdictCache()
-        request = SearchRequest(first, name, setup, seed, stop, cache, jobs, audit=audit)
-        results.append(_make_chain_row(problem, request))
-        if stop.interrupted:
-            break
-    return results
+    return rows
 
 
 def _can_run_at_once(solvers: Sequence[str], jobs: int, limits: Mapping[str, Any]) -> bool:
@@ -194,35 +149,6 @@ def _can_run_at_once(solvers: Sequence[str], jobs: int, limits: Mapping[str, Any
         return True
     names = {each for spec in solvers for each in list_solvers(spec)}
     return all(registry.load("solver", name).polls for name in names)
-
-
-def _make_row(request: SearchRequest) -> Result:
-    """Solve a task; a solver or back end that raises makes a failed row."""
-    try:
-        return grade(request, search(request))
-    except WRONG_INPUT:
-        raise
-    except SkillplanError as error:
-        _log(error)
-        return describe_failure(request, error)
-
-
-def _make_chain_row(problem: Problem, request: SearchRequest) -> ChainResult:
-    """Solve a chain; a solver or back end that raises ends it with a failed part."""
-    chain = Chain(problem, request, spare=[])
-    try:
-        return chain.run()
-    except WRONG_INPUT:
-        raise
-    except SkillplanError as error:
-        _log(error)
-        return chain.end_with(error)
-
-
-def _log(error: SkillplanError) -> None:
-    """Log the traceback if ``SKILLPLAN_DEBUG`` demands it; the row has the message."""
-    if is_debugging():
-        _LOG.error("%s\n%s", error, format_traceback(error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +167,8 @@ class Terms:
         True if verdicts kept on disk may be used.
     audit
         As in `SearchRequest`.
+    jobs
+        Number of processes for expensive back ends and parallel solvers, >= 1.
     """
 
     problem: Problem
@@ -248,6 +176,7 @@ class Terms:
     seed: int = 0
     warm: bool = False
     audit: int | None = None
+    jobs: int = 1
 
     def row(self, solver: str, stop: Stop) -> Row:
         """Run a solver and return its row, a failed one if a solver or back end raises.
@@ -257,24 +186,35 @@ class Terms:
         OptionError, PluginError, TaskError
             If the input is wrong.
         """
-        problem, request = self.problem, self._request(solver, stop)
-        if problem.is_chain:
-            return _make_chain_row(problem, request)
-        return _make_row(request)
+        request = self._request(solver, stop)
+        chain = Chain(self.problem, request, spare=[]) if self.problem.is_chain else None
+        try:
+            return grade(request, search(request)) if chain is None else chain.run()
+        except WRONG_INPUT:
+            raise
+        except SkillplanError as error:
+            return self._failed_row(request, chain, error)
 
     def lost(self, solver: str, how: str) -> Row:
         """Return the row of a solver whose process has ended."""
-        error = SkillplanError(f"its process ended by {how}")
-        problem, request = self.problem, self._request(solver, Stop())
-        _log(error)
-        if problem.is_chain:
-            return Chain(problem, request, spare=[]).end_with(error)
-        return describe_failure(request, error)
+        request = self._request(solver, Stop())
+        chain = Chain(self.problem, request, spare=[]) if self.problem.is_chain else None
+        return self._failed_row(request, chain, SkillplanError(f"its process ended by {how}"))
+
+    def _failed_row(
+        self, request: SearchRequest, chain: Chain | None, error: SkillplanError
+    ) -> Row:
+        """Return a row with the message; log the traceback if ``SKILLPLAN_DEBUG`` demands it."""
+        if is_debugging():
+            _LOG.error("%s\n%s", error, format_traceback(error))
+        return describe_failure(request, error) if chain is None else chain.end_with(error)
 
     def _request(self, solver: str, stop: Stop) -> SearchRequest:
         cache = open_warm_cache() if self.warm and shares_files() else VerdictCache()
-        task = self.problem.tasks[0]
-        return SearchRequest(task, solver, self.setup, self.seed, stop, cache, audit=self.audit)
+        task, jobs = self.problem.tasks[0], self.jobs
+        return SearchRequest(
+            task, solver, self.setup, self.seed, stop, cache, jobs, audit=self.audit
+        )
 
 
 @dataclass(frozen=True, slots=True)
