@@ -413,10 +413,8 @@ SMALL_MODULES = {
     "skillplan.solvers.learned_model.outcome_table": "a data structure; its importer is the solver",
     "skillplan.views.figures.arm_figure": "one module for each figure",
     "skillplan.views.figures.profile_figure": "one module for each figure",
-    "skillplan.views.tables.tool": "loaded if `check` describes a tool alone",
-    "skillplan.views.tables.arm": "loaded if `check` describes a robot alone",
+    "skillplan.views.tables.arm": "loaded if `check` describes a robot or a tool alone",
     "skillplan.solvers.mdp.tabular_solver": "enumerates; its importer sweeps over the arrays",
-    "skillplan_optuna.journal_file": "checks a file; the sampler chooses settings",
     "skillplan_ortools.watched_search": "the only module that imports OR-Tools",
     "skillplan_pinocchio.timing.toppra_problem": "the only import of toppra, if needed",
     "skillplan_pinocchio.holds": "measures surfaces; its importer sweeps convex pieces",
@@ -425,10 +423,9 @@ SMALL_MODULES = {
     "skillplan_ros2.timed_paths": "plans paths; the exporter only writes them",
     "skillplan_swarmitfix.base.goals_task": "one module for each task of a chain",
     "skillplan_swarmitfix.fleet.account": "belongs to the fleet, which other tasks do without",
-    "skillplan_swarmitfix.trajectory.file_content": "loaded if a task names a file",
     "skillplan_swarmitfix.trajectory.files": "loaded if a task names a file",
     "skillplan_swarmitfix.trajectory.path_chain": "an algorithm; its importer reads entities",
-    "skillplan_swarmitfix.trajectory.placement": "loaded if a task names a drawing",
+    "skillplan_swarmitfix.trajectory.placement": "loaded if a task names a file",
 }
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from skillplan.errors import OptionError
 from skillplan.pipeline import load_problem
-from skillplan.records import RunFolder, get_copy_name, is_run_folder
+from skillplan.records import RunFolder, get_copy_name
 from sop_instances import FOLDER
 from tabular_learner import learner_installed
 from training_situations import BOARD, train
@@ -86,13 +86,6 @@ def test_a_copy_keeps_the_suffix_by_which_it_is_read(tmp_path):
 )
 def test_a_copy_takes_the_name_of_no_other_file(source, name):
     assert name == get_copy_name(source)
-
-
-def test_a_folder_of_runs_is_told_from_a_task_file(kept, tmp_path):
-    assert is_run_folder(kept)
-    assert not is_run_folder(BOARD)
-    assert not is_run_folder(tmp_path)
-    assert not is_run_folder(tmp_path / "\0")
 
 
 def test_a_run_that_is_damaged_says_so_and_the_others_are_read(run_dir):

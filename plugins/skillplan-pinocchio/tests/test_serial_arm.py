@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from serial_arms import random_arm, ur_arm
-from skillplan.robots import PANDA, TIP_ON_FLANGE, UR5E, Transform
+from skillplan.robots import PANDA, PANDA_HAND, UR5E, Transform
 from skillplan_pinocchio import ArmModel, SerialArm
 
 BASE = Transform((0.3, -0.2, 0.5), (0.1, -0.4, 1.2))
@@ -140,7 +140,7 @@ def test_the_limits_are_those_of_the_description(arm):
 def test_the_panda_with_its_hand_is_the_arm_of_the_detector():
     """To the bit."""
     base = (0.4, -0.2, 0.1)
-    first, other = ArmModel(base), SerialArm(PANDA, Transform(base), TIP_ON_FLANGE)
+    first, other = ArmModel(base), SerialArm(PANDA, Transform(base), PANDA_HAND.tip_on_flange)
     for angles in postures(PANDA, 20):
         position, rotation = first.tip(angles)
         assert np.array_equal(position, other.tip(angles).translation)

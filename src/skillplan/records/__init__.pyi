@@ -85,7 +85,6 @@ from .training.run_folder import format_metrics_line as format_metrics_line
 from .training.run_folder import get_copy_name as get_copy_name
 from .training.run_folder import get_group_path as get_group_path
 from .training.run_folder import get_run_path as get_run_path
-from .training.run_folder import is_run_folder as is_run_folder
 from .training.run_folder import parse_metrics as parse_metrics
 from .training.run_folder import read_metrics as read_metrics
 from .training.shortfall import Shortfall as Shortfall
@@ -162,7 +161,6 @@ __all__ = [
     "get_run_path",
     "interquartile_mean",
     "is_relational",
-    "is_run_folder",
     "list_wrong",
     "make_chart_document",
     "make_detectors_document",

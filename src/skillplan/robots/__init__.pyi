@@ -17,7 +17,6 @@ from .panda_hand import HAND_HALF_LENGTH_M as HAND_HALF_LENGTH_M
 from .panda_hand import HAND_UNDERSIDE_M as HAND_UNDERSIDE_M
 from .panda_hand import PANDA_HAND as PANDA_HAND
 from .panda_hand import TIP_M as TIP_M
-from .panda_hand import TIP_ON_FLANGE as TIP_ON_FLANGE
 from .urdf import Rigid as Rigid
 from .urdf import UrdfError as UrdfError
 from .urdf import read_urdf as read_urdf
@@ -31,7 +30,6 @@ __all__ = [
     "PANDA_HAND",
     "STANDARD_HAND",
     "TIP_M",
-    "TIP_ON_FLANGE",
     "UR5E",
     "ArmDescription",
     "Capsule",

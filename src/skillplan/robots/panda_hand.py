@@ -67,6 +67,3 @@ PANDA_HAND: Final = Hand(
     HAND_MASS_KG,
 )
 """The hand as it is mounted."""
-
-TIP_ON_FLANGE: Final = PANDA_HAND.tip_on_flange
-"""Ends of the fingers relative to the flange."""

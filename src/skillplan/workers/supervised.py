@@ -59,11 +59,6 @@ def connect(number: int) -> None:
     _line.number = number
 
 
-def is_supervised() -> bool:
-    """Return whether another process supervises this one."""
-    return _line.number is not None
-
-
 def requests() -> tuple[signal.Signals, ...]:
     """Return the signals that request this process to stop."""
     if _line.number is None or REQUEST is None or LAST_REQUEST is None:

@@ -7,27 +7,34 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
 import optuna
 from optuna.samplers import BaseSampler, RandomSampler, TPESampler
 from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend, JournalFileSymlinkLock
 from optuna.trial import TrialState
 from pydantic import Field
 
 from skillplan.errors import OptionError
+from skillplan.files.atomic_file import GrowingFile
+from skillplan.files.json_file import parse_json
+from skillplan.files.regular_file import read_bytes
 from skillplan.records.sweep.plan import Choice, Dimension, Span, Trial, Value, count_multiples
 from skillplan.sweep.sampler import FinishedTrial, Question, Sampler, SharedTrials
 from skillplan.task import back_end
-from skillplan_optuna.journal_file import damaged, opened
 
 _STUDY = "sweep"
 # Attributes in addition to Optuna's: the identity of the study, and the values and runs of a trial.
 _ABOUT, _VALUES, _LINES = "about", "values", "lines"
 # Attribute of the study: numbers of finished trials that were begun again.
 _RETRIED = "retried"
+# Greatest size of a journal; a trial takes about 2 kB.
+_MOST_BYTES = 1024**3
+# Age of a lock [s] after which others break it, because its process was killed.
+_GRACE_S = 30
 
 
 class OptunaSampler(Sampler):
@@ -84,7 +91,7 @@ class OptunaTrials(SharedTrials):
         optuna.logging.set_verbosity(optuna.logging.CRITICAL)
         with self._told():
             self._study = optuna.create_study(
-                storage=JournalStorage(opened(path)),
+                storage=JournalStorage(_open_journal(path)),
                 study_name=_STUDY,
                 direction="minimize",
                 load_if_exists=True,
@@ -195,7 +202,7 @@ class OptunaTrials(SharedTrials):
             ) from None
         except Exception as error:
             why = f"Optuna cannot read it: {type(error).__name__} {error}".rstrip(" .")
-            raise OptionError(damaged(self._path, why)) from None
+            raise OptionError(_damaged(self._path, why)) from None
 
 
 def _suggested(trial: optuna.Trial, dimension: Dimension) -> Value:
@@ -218,3 +225,54 @@ def _suggested(trial: optuna.Trial, dimension: Dimension) -> Value:
     if dimension.ordered:
         return dimension.values[trial.suggest_int(dimension.option, 0, places[-1])]
     return dimension.values[trial.suggest_categorical(dimension.option, places)]
+
+
+def _open_journal(path: Path) -> JournalFileBackend:
+    """Return the journal, created if needed; an incomplete last line is cut off.
+
+    Raises
+    ------
+    OptionError
+        If a line is damaged.
+    OSError
+        If it cannot be read or written.
+    """
+    lock = JournalFileSymlinkLock(str(path), grace_period=_GRACE_S)
+    if path.exists() or path.is_symlink():
+        content = read_bytes(path, _MOST_BYTES, within=path.parent)
+        if content and not content.endswith(b"\n"):
+            _cut_journal(path, lock)
+            content = read_bytes(path, _MOST_BYTES, within=path.parent)
+        _check_journal(path, content)
+    return JournalFileBackend(str(path), lock_obj=lock)
+
+
+def _cut_journal(path: Path, lock: JournalFileSymlinkLock) -> None:
+    """Cut off the incomplete line of a killed process.
+
+    Under the lock, because then no other process is writing.
+    """
+    lock.acquire()
+    try:
+        content = read_bytes(path, _MOST_BYTES, within=path.parent)
+        with closing(GrowingFile(path, path.parent)) as file:
+            file.cut(content.rfind(b"\n") + 1)
+    finally:
+        lock.release()
+
+
+def _check_journal(path: Path, content: bytes) -> None:
+    """Check that every line is a JSON object."""
+    whole = content[: content.rfind(b"\n") + 1]
+    for number, line in enumerate(whole.splitlines(), start=1):
+        try:
+            entry = parse_json(line)
+        except ValueError as error:
+            raise OptionError(_damaged(path, f"line {number}: {error}")) from None
+        if not isinstance(entry, dict):
+            raise OptionError(_damaged(path, f"line {number} is not an entry of a journal"))
+
+
+def _damaged(path: Path, why: str) -> str:
+    """Return the error about a damaged journal."""
+    return f"{path}: is damaged: {why}. Begin in a new folder, or put back a copy of the file."

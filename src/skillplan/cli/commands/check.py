@@ -125,7 +125,7 @@ def _describe_tool(path: str, reading: Reading, style: Style, picture: str | Non
     from skillplan.cli.showing import resolve_drawing_paths
     from skillplan.domains.assembly.tool_summary import summarize_tool
     from skillplan.records import schemas
-    from skillplan.views.tables.tool import tabulate_tool
+    from skillplan.views.tables.arm import tabulate_tool
     from skillplan.views.video_file import save_picture
 
     if reading.settings():

@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from skillplan.errors import OptionError
 from skillplan.files.json_file import parse_json, read_checked, read_document
-from skillplan.files.regular_file import is_folder, is_regular, open_regular, read_bytes
+from skillplan.files.regular_file import is_regular, open_regular, read_bytes
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import MANIFEST as MANIFEST
 from skillplan.records.stored.result_folder import RESULT as RESULT
@@ -361,11 +361,6 @@ class StoredRun:
     def latest_figures(self) -> Mapping[str, float]:
         """The latest figures; empty before the first."""
         return self.figures[-1].figures if self.figures else {}
-
-
-def is_run_folder(path: str | os.PathLike[str]) -> bool:
-    """Return True if a path is a folder of training runs."""
-    return is_folder(path) and is_regular(Path(path) / MANIFEST)
 
 
 def get_run_path(folder: Path, run: int) -> Path:

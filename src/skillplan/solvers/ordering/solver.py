@@ -30,7 +30,6 @@ _ALTERNATING: Final[tuple[Method, ...]] = ("branch-and-cut",)
 
 # Share of the free memory that is used without a limit.
 _SHARE = 0.7
-_PROOF_TOLERANCE = 1e-9
 
 
 class JobOrderSolver(Solver):

@@ -1,9 +1,10 @@
-"""A drawing placed on the bench: turned about its own origin, then moved."""
+"""A drawing placed on the bench, turned about its own origin and then moved, and as keys."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 from skillplan_swarmitfix.trajectory.contours import FileContours
 from skillplan_swarmitfix.trajectory.path import TrajectoryPath
@@ -66,3 +67,20 @@ def _turn(angle_deg: float) -> tuple[float, float]:
     if rest_deg == 0.0:
         return _QUARTERS[int(quarters) % 4]
     return math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+
+
+def content_of(path: TrajectoryPath) -> dict[str, Any]:
+    """Return a trajectory read from a file as the keys that would describe it."""
+    return {
+        "closed": path.closed,
+        "start_m": list(path.start),
+        "path": [_entry(element) for element in path.elements],
+    }
+
+
+def _entry(element: Element) -> dict[str, Any]:
+    if isinstance(element, Line):
+        return {"line_to_m": list(element.end)}
+    if isinstance(element, Arc):
+        return {"arc_to_m": list(element.end), "through_m": list(element.through)}
+    return {"spline_through_m": [list(value) for value in element.through]}

@@ -141,7 +141,7 @@ class TrajectoryConfig(DrawingConfig):
         others = [key for key in ("vertices_m", "start_m", "path", "closed") if key in data]
         if others:
             raise Located(f"a file is complete; leave {', '.join(others)} out.", "file")
-        from skillplan_swarmitfix.trajectory.file_content import content_of
+        from skillplan_swarmitfix.trajectory.placement import content_of
 
         folder = Path((info.context or {}).get("folder", Path()))
         read = _trajectory_in(folder, data["file"], drawing)
