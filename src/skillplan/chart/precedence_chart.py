@@ -23,6 +23,7 @@ from skillplan.chart.precedence_query import (
     run_queries,
 )
 from skillplan.checks.feasibility import Feasibility
+from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
@@ -269,9 +270,20 @@ class DerivedChart:
 
     def obstacle(self, task: Task) -> str | None:
         """Return the reason why no order can exist, in at most three lines, or None."""
-        lines = explain_conflict(task, self.relations)
-        never = [f"{skill} is never feasible: {why}" for skill, why in self.impossible.items()]
+        needed = {name for name, fact in task.operations.items() if fact in task.goal.requires}
+        relations = [r for r in self.relations if {r.before, r.after} <= needed]
+        lines = explain_conflict(task, relations)
+        never = [
+            f"{skill} is never feasible: {why}"
+            for skill, why in self.impossible.items()
+            if _get_component(task.skill(skill)) in needed
+        ]
         return "\n".join((lines or never)[:_MOST_LINES]) or None
+
+
+def _get_component(skill: Skill) -> str | None:
+    """Return the screw that a skill fastens, or the part that it handles."""
+    return skill.parameters.get("screw") or skill.parameters.get("part")
 
 
 def _listed(names: Collection[str]) -> str:
@@ -287,13 +299,20 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     impossible: dict[str, str] = {}
     undecided: list[str] = []
     hypothetical = HypotheticalStates(task)
-    # A part with a buffer or with several goals gets there in several ways; no order follows.
-    placed = Counter(skill.parameters["part"] for skill in task.skills if skill.kind == "place")
+    # A part with a buffer or with several goals gets there in several ways, and so does one with
+    # several tools; no order follows.
+    placed = Counter(
+        _get_component(skill) or "" for skill in task.skills if skill.kind in ("place", "fasten")
+    )
     several = {name for name, count in placed.items() if count > 1}
     if task.scene.workholders or any(holder.fixtures for holder in task.scene.holders):
         # An order in one orientation, or among open jaws, need not hold in another.
         several = set(task.operations)
-    undecided += [f"place({name})" for name in task.operations if name in several]
+    undecided += [
+        f"{'fasten' if goal.startswith('fastened') else 'place'}({name})"
+        for name, goal in task.operations.items()
+        if name in several
+    ]
     queries = [
         PrecedenceQuery(hypothetical, component, skill)
         for component in task.operations
