@@ -90,6 +90,30 @@ def test_an_optional_part_is_left_out_unless_the_goal_names_it(load):
     assert "place(chip)" in skills
 
 
+def test_a_zone_rules_out_the_goal_in_it_and_no_other(load):
+    """It is a fault if no other goal is left."""
+    chip = {"goal_m": [0.5, -0.3], "goal_on": None, "other_goals": [{"goal_m": [0.6, -0.2]}]}
+    zone = {"min_m": [0.45, -0.35], "max_m": [0.55, -0.25], "keeps_out": "load"}
+    problem = load(chip, zones={"view": zone})
+    _, skills = solved(problem)
+    assert "place(chip@2)" in skills
+    assert "place(chip)" not in [skill.name for skill in problem.task.skills]
+    assert "zone view" in problem.task.notes["pick(chip)"][0]
+    with pytest.raises(TaskError, match="is in the zone view"):
+        load(chip, zones={"view": {**zone, "max_m": [0.65, -0.15]}})
+
+
+def test_a_blocked_first_choice_is_no_proof_that_there_is_no_order(load):
+    """Another tool drives the screw, and an optional part may stay where it is."""
+    wall = {"size_m": [0.01, 0.1, 0.1], "at_m": [0.625, 0.0]}
+    tools = {name: dict(tool) for name, tool in CELL["tools"].items()}
+    tools["driver"]["envelope_m"] = [0.1, 0.1, 0.1]
+    screw = {**SCREW, "tool": ["driver", "near"]}
+    problem = load(tools=tools, fixtures={"wall": wall}, screws={"screw": screw})
+    assert solved(problem)[1][-1] == "fasten(screw:near)"
+    assert "2 skills bring about" in solve(problem.task, "portfolio", setup=BOXES).reason
+
+
 def test_one_of_several_comes_first(load):
     screws = {
         "screw": {**SCREW, "count": 2, "hole_pattern": {"grid": [2, 1], "pitch_m": [-0.1, 0.1]}}

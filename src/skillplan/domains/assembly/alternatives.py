@@ -9,6 +9,7 @@ from skillplan.domains.assembly.geometry_faults import find_geometry_issues
 from skillplan.domains.assembly.gripping import list_grasps
 from skillplan.domains.assembly.schema import AssemblyConfig, choose_variant
 from skillplan.domains.assembly.vocabulary import list_interchangeable
+from skillplan.domains.assembly.zone_faults import list_closed_goals
 from skillplan.errors import Issue, name_hint
 
 MOST_INTERCHANGEABLE = 64
@@ -121,6 +122,8 @@ def find_variant_issues(config: AssemblyConfig) -> Iterator[Issue]:
             yield Issue(f"{words}. Give one grasp.", ("parts", name, "grasp"))
     chosen = {n: p for n, p in config.moved_parts.items() if p.other_goals or p.other_tools}
     known = {issue.message for issue in find_geometry_issues(config)} if chosen else set()
+    # The search takes another goal.
+    known |= set(list_closed_goals(config).values())
     for name, part in chosen.items():
         for index in range(len(part.other_goals or ())):
             variant = choose_variant(config, name, f"@{index + 2}")

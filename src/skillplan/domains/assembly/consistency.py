@@ -108,6 +108,14 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
         yield Issue(
             "all parts are fixed, so there is nothing to do. Let a hand move one.", ("parts",)
         )
+    elif config.goal is None and not config.works:
+        parts = all(part.optional for part in config.moved_parts.values())
+        if parts and all(screw.optional for screw in config.screws.values()):
+            yield Issue(
+                "all parts and screws are optional, so the cheapest plan does nothing. Name facts "
+                "in 'goal', such as placed(NAME), or leave out 'optional' of one.",
+                ("parts",),
+            )
     for i, line in enumerate(config.chart):
         yield from check(line.before, components, "part or screw", "chart", i, "before")
         for j, before in enumerate(line.any_of or ()):

@@ -53,6 +53,7 @@ from skillplan.domains.assembly.workholding import (
     turn_visit,
 )
 from skillplan.domains.assembly.works import find_work_orientation, list_work_points
+from skillplan.domains.assembly.zone_faults import list_closed_goals
 from skillplan.task.cost import (
     ConstantCost,
     Cost,
@@ -102,6 +103,8 @@ class _Grounding:
     def __init__(self, config: AssemblyConfig) -> None:
         self.config = config
         self.layout = get_layout(config)
+        # A list of actions says itself which of them there are.
+        self.closed = {} if config.actions else list_closed_goals(config)
         self.facts: Facts = vocabulary.list_facts(config)
         self.beneath = {name: find_bearers(config, name) for name in config.parts}
         self.positions = self._list_positions()
@@ -146,7 +149,7 @@ class _Grounding:
         skills = {skill.name: skill for skill in self._list_skills()}
         if any(feeder.cycle_s for feeder in config.feeders.values()):
             skills = add_waits(config, skills, facts)
-        order = config.actions or vocabulary.list_actions(config)
+        order = config.actions or [n for n in vocabulary.list_actions(config) if n in skills]
         operations = {
             **{name: f"placed({name})" for name in config.moved_parts},
             **{name: f"fastened({name})" for name in config.screws},
@@ -216,13 +219,16 @@ class _Grounding:
         )
 
     def _list_notes(self) -> dict[str, tuple[str, ...]]:
-        """Return the grasps that ``auto`` refuses, by the skills of their part."""
+        """Return refused grasps of ``auto`` and goals in closed zones, by skills of their part."""
         notes: dict[str, tuple[str, ...]] = {}
         for name, part in self.config.moved_parts.items():
             if part.grasp == "auto":
                 _, refused = describe_candidates(self.config, name)
                 words = tuple(f"grasp: auto refuses {reason}" for reason in refused)
                 notes |= {f"{verb}({name})": words for verb in ("pick", "place") if words}
+        for (name, label), reason in self.closed.items():
+            left_out = f"place({name}{label}) is left out: {reason}"
+            notes[f"pick({name})"] = (*notes.get(f"pick({name})", ()), left_out)
         return notes
 
     def _list_dwell_sources(self) -> tuple[str, ...]:
@@ -293,6 +299,8 @@ class _Grounding:
             for label, tool in vocabulary.list_tool_labels(part):
                 yield self._build_pick(name, label, tool)
                 for option in options:
+                    if (name, option.label) in self.closed:
+                        continue
                     for turn in list_orientations(self.config, name):
                         yield self._build_place(name, option, turn, label, tool)
         for tool in self.config.carriers:

@@ -9,7 +9,7 @@ from typing import Any
 from skillplan.collision.solid import Solid
 from skillplan.domains.assembly.gripping import list_grasps
 from skillplan.domains.assembly.layout import get_layout
-from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.schema import AssemblyConfig, choose_variant
 from skillplan.domains.assembly.works import list_work_points
 from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Overview
@@ -24,7 +24,33 @@ _Path = tuple[str | int, ...]
 
 
 def find_zone_issues(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield places in keep-out zones, which no motion can reach."""
+    """Yield places in keep-out zones, which no motion can reach.
+
+    A goal of a part with several is none, unless all of them are closed.
+    """
+    closed = {("parts", name, "goal_m") for name, label in list_closed_goals(config) if not label}
+    yield from (issue for issue in _find_issues(config) if issue.path not in closed)
+
+
+def list_closed_goals(config: AssemblyConfig) -> dict[tuple[str, str], str]:
+    """Return the goals in keep-out zones of parts that have another goal, with the reason.
+
+    Keys are the part and the suffix of the skill, such as ``@2``.
+    """
+    closed: dict[tuple[str, str], str] = {}
+    for name, part in config.moved_parts.items() if config.zones else ():
+        labels = ["", *(f"@{number + 2}" for number in range(len(part.other_goals or ())))]
+        reasons = {}
+        for label in labels if len(labels) > 1 else ():
+            for issue in _find_issues(choose_variant(config, name, label)):
+                if issue.path == ("parts", name, "goal_m"):
+                    reasons[name, label] = issue.message
+        if len(reasons) < len(labels):
+            closed |= reasons
+    return closed
+
+
+def _find_issues(config: AssemblyConfig) -> Iterator[Issue]:
     zones = [zone.build(name) for name, zone in config.zones.items()]
     for zone in zones:
         if "arm" in zone.keeps_out:
