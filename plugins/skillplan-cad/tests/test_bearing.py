@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from manifold3d import Manifold
 
 from cad_fixtures import box, part_of, rod
 from cad_products import product as fixture
@@ -88,6 +89,38 @@ def test_a_pin_in_a_through_hole_falls_and_one_on_the_floor_of_a_hole_stays():
         product_of(plate=box(0, 0, 0, 60, 60, 14) - rod(30, 30, 0, 5, 14) + half, pin=pin)
     )
     assert blind.order == ("plate", "pin")
+
+
+SLIM = box(29, 10, 10, 31, 50, 70)
+CONE = Manifold.cylinder(5, 0, 5, 48).translate([30, 30, 4])
+
+
+@pytest.mark.parametrize(
+    ("part", "plate", "stands"),
+    [
+        (SLIM, PLATE, False),
+        (SLIM, PLATE + box(20, 10, 10, 40, 50, 45) - SLIM, True),
+        (SLIM, PLATE + box(20, 10, 10, 40, 50, 13) - SLIM, False),
+        (
+            CONE + rod(30, 30, 9, 5, 18),
+            PLATE - CONE + rod(30, 30, 9, 9, 13) - CONE - rod(30, 30, 9, 5, 18),
+            True,
+        ),
+    ],
+    ids=["slim", "deep slot", "flat slot", "pointed pin in a drilled hole"],
+)
+def test_a_part_stands_with_a_margin_or_because_its_fit_keeps_it_from_tipping(part, plate, stands):
+    """It would also stand if the table were tilted by 2 degrees."""
+    bearing = borne(product_of(plate=plate, part=part))
+    assert bearing.order == (("plate", "part") if stands else ("plate",))
+
+
+def test_a_plate_that_only_leans_on_a_wall_is_left_out():
+    """Friction at its foot would hold it, but the next move would drag it along."""
+    leaning = box(0, 10, 0, 5, 50, 60).rotate([0, 14, 0]).translate([20, 0, 11.22])
+    wall = box(39.37, 10, 10, 60, 50, 80)
+    bearing = borne(product_of(plate=PLATE, wall=wall, leaning=leaning))
+    assert bearing.order == ("plate", "wall")
 
 
 def test_the_order_leaves_out_what_no_order_lets_pass():

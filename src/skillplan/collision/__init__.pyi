@@ -19,10 +19,12 @@ from .solid import TOUCH_M as TOUCH_M
 from .solid import Solid as Solid
 from .solid import measure_union as measure_union
 from .stability import StabilityDetector as StabilityDetector
+from .standing import TILT_DEG as TILT_DEG
 from .standing import LeastHolds as LeastHolds
 from .standing import Standing as Standing
 from .standing import Touch as Touch
 from .standing import Weight as Weight
+from .standing import compute_margin_m as compute_margin_m
 from .standing import decide_standing as decide_standing
 from .standing import find_least_holds as find_least_holds
 from .standing import find_touches as find_touches
@@ -33,6 +35,7 @@ from .surface import measure_depths as measure_depths
 from .surface import measure_outermost as measure_outermost
 
 __all__ = [
+    "TILT_DEG",
     "TOUCH_M",
     "AabbDetector",
     "Detector",
@@ -50,6 +53,7 @@ __all__ = [
     "Weight",
     "WorldBox",
     "centroid",
+    "compute_margin_m",
     "contact_area",
     "decide_standing",
     "decompose",

@@ -8,8 +8,9 @@ Trinkle: Stability characterizations of fixtured rigid bodies with Coulomb frict
 - Friction acts only where a body lies on another one: upright walls and faces above it push, but do
   not carry.
 - Friction is credited for the weight that comes down there, not for clamping between bodies.
-- Upright walls push a body that lies level with no more than a share of its weight. This keeps a
-  round part upright in a hole deeper than half its height, not one that leans in a flat hole.
+- Upright walls that end below the centre of mass of a body push it with a share of its weight only,
+  beyond what slopes need. A round part stands in a hole deeper than half its height, but with play
+  it leans in a flat one.
 """
 
 from __future__ import annotations
@@ -44,14 +45,16 @@ SHIFT_M = 5e-4
 _SHIFT_SHARE = 0.05
 # Corners of the polygon about the circle of all tilts.
 _TILTS = 8
+_BEYOND = 1 / math.cos(math.pi / _TILTS)
 # Directions of the edges of the pyramid in each cone of friction, in the plane across the normal.
 _RAYS = np.array([(math.cos(turn), math.sin(turn)) for turn in np.arange(8) * math.pi / 4])
 # Share of its weight that may be missing to balance a body: the tolerance of the program.
 _HELP = 1e-6
-# Share of the weight on a body with which walls push it.
+# Share of the weight on a body with which low walls push it.
 _WALLS = 0.15
 _MOVES = 1e-7
 _PER_FORCE = 1e-9
+_ROUNDING_M = 1e-6
 # Points of a contact between two bodies.
 _MOST_POINTS = 24
 _ALONG = 0.999
@@ -248,6 +251,22 @@ def _find_cover(
     return extend(frozenset(), frozenset())
 
 
+def compute_margin_m(extent_m: float, height_m: float, tilt_deg: float = TILT_DEG) -> float:
+    """Return the distance of the centre of mass from the edge of what bears a body alone [m].
+
+    A body on level faces with this distance stands by `decide_standing`.
+
+    Parameters
+    ----------
+    extent_m
+        Largest extent of the body [m].
+    height_m
+        Height of its centre of mass above the lowest of these faces [m].
+    """
+    aside_m = min(SHIFT_M, _SHIFT_SHARE * extent_m)
+    return (aside_m + math.tan(math.radians(tilt_deg)) * height_m) * _BEYOND
+
+
 def weigh(solid: Solid, mass_kg: float) -> Weight:
     """Return a body with its mass spread evenly over its shapes."""
     low, high = solid.box.low, solid.box.high
@@ -325,6 +344,15 @@ class _Scene:
         """Return the heaviest body of a group."""
         return max(self.groups[group], key=lambda name: self._bodies[name].mass_kg)
 
+    def is_walled(self, group: int) -> bool:
+        """Return whether upright walls about a group reach up to its centre of mass."""
+        height_m = float(self.centre_m[group] @ self.up) - _ROUNDING_M
+        return any(
+            bool(((np.abs(normals @ self.up) <= BEARS) & (points @ self.up >= height_m)).any())
+            for first, second, points, normals in self.pairs
+            if group in (first, second)
+        )
+
     def decide(self, held: frozenset[int]) -> Standing:
         """Return whether all groups stand while some are held."""
         program = _Program(self, held, held)
@@ -370,13 +398,12 @@ class _Scene:
         """
         yield self.up, np.zeros(3)
         if self._tilt_deg:
-            beyond = 1 / math.cos(math.pi / _TILTS)
             for turn in range(_TILTS):
                 angle = 2 * math.pi * turn / _TILTS
                 across = math.cos(angle) * self._across[0] + math.sin(angle) * self._across[1]
                 # Gravity pulls towards `across` where the ground is tilted towards it.
-                slope = math.tan(math.radians(self._tilt_deg)) * beyond
-                yield self.up - slope * across, across * beyond
+                slope = math.tan(math.radians(self._tilt_deg)) * _BEYOND
+                yield self.up - slope * across, across * _BEYOND
 
     def _describe(self, motion: Mapping[int, tuple[Array, Array]], only_tilted: bool) -> Standing:
         """Return the verdict on a motion: of the group that moves most, seen from the ground."""
@@ -513,7 +540,10 @@ class _Program:
         # Columns in blocks with the same rows: rows, and values of shape (columns, rows).
         self._blocks: list[tuple[list[int], Array]] = []
         credits = self._add_forces(7 * count)
-        upper = [_WALLS * float(scene.mass_kg[group]) for group in self._loose]
+        upper = [
+            _INFINITY if scene.is_walled(group) else _WALLS * float(scene.mass_kg[group])
+            for group in self._loose
+        ]
         upper += [0.0] * len(credits)
         self._add_flows(credits, weightless, upper)
         self._forces = sum(len(values) for _, values in self._blocks)

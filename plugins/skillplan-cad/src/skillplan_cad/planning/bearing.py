@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.collision import TILT_DEG, compute_margin_m
 from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.planning.equilibrium import Equilibrium
 from skillplan_cad.planning.precedence import encode_set, list_members
@@ -258,19 +259,27 @@ class _Standing:
         grounded = self._lowest[name] < ground + _TOUCH_M
         key = (name, standing & self._touched[name], grounded)
         if key not in self._known:
-            corners = [
+            faces = [
                 points
                 for other, points in self._beneath[name].items()
                 if standing >> self._numbers[other] & 1
             ]
-            foot = self._find_foot(name) if grounded else None
-            if foot is not None:
-                corners.append(foot @ self._plan.T)
-            level = bool(corners) and is_over(self._centres[name], np.concatenate(corners))
-            self._known[key] = level or self._equilibrium.stays(
+            if grounded:
+                faces.append(self._find_foot(name))
+            foot = np.concatenate(faces) if faces else None
+            self._known[key] = self._stands_level(name, foot) or self._equilibrium.stays(
                 self._numbers[name], key[1], self._up, foot
             )
         return self._known[key]
+
+    def _stands_level(self, name: str, foot_m: Array | None) -> bool:
+        """Return whether level faces alone bear a part, with the margin of `decide_standing`."""
+        if foot_m is None or not len(foot_m):
+            return False
+        part = self._parts[name]
+        height_m = float(np.asarray(part.centre_m) @ self._vector - (foot_m @ self._vector).min())
+        reach_m = compute_margin_m(float(np.ptp(part.vertices_m, axis=0).max()), height_m)
+        return is_over(self._centres[name], foot_m @ self._plan.T, reach_m)
 
     def _list_bearers(self, name: str, borne: Mapping[str, object]) -> tuple[str, ...]:
         """Return the parts that bear a part: those beneath level faces, or any that push it up."""
@@ -452,7 +461,7 @@ class _Standing:
         return np.asarray(corners[level & low].reshape(-1, 3))
 
     def _find_level_contacts(self, contact: Contact) -> Iterator[tuple[str, str, Array]]:
-        """Yield which part of a contact stands on the other, and where in plan."""
+        """Yield which part of a contact stands on the other, and where."""
         points = np.asarray(contact.points_m).reshape(-1, 3)
         if not len(points) or (
             contact.axis is not None and abs(float(self._vector @ contact.axis)) < _LEVEL
@@ -465,7 +474,7 @@ class _Standing:
             (second, first, (normals > _LEVEL).any()),
         ):
             if there:
-                yield upper, lower, self._select_level_points(points) @ self._plan.T
+                yield upper, lower, self._select_level_points(points)
 
     def _select_level_points(self, points: Array) -> Array:
         """Return the points that share their height with others: those on a level face."""
@@ -496,7 +505,8 @@ class _Standing:
             return LeftOut(name, "hangs lower", words)
         if there:
             words = (
-                f"would tip off {_format_names(there)}: its centre of mass is beside what bears it"
+                f"would tip off {_format_names(there)}, at least if the table is tilted by "
+                f"{TILT_DEG:g} degrees: its centre of mass is beside what bears it"
             )
             return LeftOut(name, "tips", words, tuple(there))
         if beneath:

@@ -1,6 +1,6 @@
 """Decide whether a released part stays in place, by the contacts of the true meshes.
 
-`skillplan.collision.stays_balanced` has the forces. Here contacts get their points and normals:
+`skillplan.collision.decide_standing` has the forces. Here contacts get their points and normals:
 those of the surfaces that CAD states, not of their chords.
 """
 
@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.collision.contact_forces import BEARS, select_spread, stays_balanced
+from skillplan.collision.contact_forces import BEARS, select_spread
+from skillplan.collision.standing import Touch, Weight, decide_standing
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import ROUND_KINDS, Face, Part, Product, Vector
 from skillplan_cad.relation import Contact, Relation
@@ -17,6 +18,10 @@ from skillplan_cad.relation import Contact, Relation
 Array = NDArray[np.float64]
 
 _NEAR_M = 2e-4
+# Friction without which a part only leans: the next move would drag it along [-].
+_LEANS = 0.05
+# Names in the program; those of parts have no blanks at their ends.
+_PART, _TABLE = " part", " table"
 
 
 class Equilibrium:
@@ -51,7 +56,7 @@ class Equilibrium:
         others
             Parts that stand firm, as bits.
         foot_m
-            Points at which the part stands on the table; None if it does not.
+            Points of level faces on which the part stands; None without one.
         """
         key = (part, others & self._touched[part], up, foot_m is None)
         if key not in self._known:
@@ -81,19 +86,22 @@ class Equilibrium:
         return pushes
 
     def _has_forces(self, part: int, others: int, up: Array, foot_m: Array | None) -> bool:
-        pushes = self._list_pushes(part, others)
-        points, normals = [places for _, places, _ in pushes], [pushed for _, _, pushed in pushes]
+        touches = [
+            Touch(_PART, self._relation.names[other], points, normals)
+            for other, points, normals in self._list_pushes(part, others)
+        ]
         if foot_m is not None and len(foot_m):
             upwards = np.tile(up, (len(foot_m), 1))
             chosen = select_spread(foot_m, upwards)
-            points.append(foot_m[chosen])
-            normals.append(upwards[chosen])
-        if not points:
+            touches.append(Touch(_PART, _TABLE, foot_m[chosen], upwards[chosen]))
+        if not any((touch.normals @ up > BEARS).any() for touch in touches):
             return False
-        centre = np.asarray(self._parts[part].centre_m)
-        reach_m = float(np.ptp(self._parts[part].vertices_m, axis=0).max())
-        return stays_balanced(
-            np.concatenate(points) - centre, np.concatenate(normals), tuple(up.tolist()), reach_m
+        x, y, z = self._parts[part].centre_m
+        extent_m = float(np.ptp(self._parts[part].vertices_m, axis=0).max())
+        weights, up_at = {_PART: Weight(1.0, (x, y, z), extent_m)}, (up[0], up[1], up[2])
+        return (
+            decide_standing(weights, touches, up=up_at, friction=_LEANS, tilt_deg=0).stands
+            and decide_standing(weights, touches, up=up_at).stands
         )
 
 

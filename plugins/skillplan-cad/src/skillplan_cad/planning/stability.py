@@ -219,11 +219,17 @@ def _find_outline(corners: Array) -> Array | None:
         return None
 
 
-def is_over(point: Array, corners: Array) -> bool:
-    """Return whether a point of the plane lies in the hull of others."""
+def is_over(point: Array, corners: Array, margin_m: float = -_TIPPING_M) -> bool:
+    """Return whether a point of the plane lies in the hull of others.
+
+    Parameters
+    ----------
+    margin_m
+        Distance that it keeps from the edge of the hull [m].
+    """
     outline = _find_outline(corners)
-    return outline is not None and _is_within(point, outline)
+    return outline is not None and _is_within(point, outline, margin_m)
 
 
-def _is_within(point: Array, outline: Array) -> bool:
-    return bool((outline[:, :2] @ point + outline[:, 2] <= _TIPPING_M).all())
+def _is_within(point: Array, outline: Array, margin_m: float = -_TIPPING_M) -> bool:
+    return bool((outline[:, :2] @ point + outline[:, 2] <= -margin_m).all())
