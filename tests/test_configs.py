@@ -95,7 +95,9 @@ def large(path: Path) -> list[pytest.MarkDecorator]:
     if path.stem not in (
         "cell_grips",
         "cell_screws",
+        "cell_shaft",
         "cell_tray",
+        "cell_turn",
         "drawer_module",
         "gear_unit",
         "gearbox",

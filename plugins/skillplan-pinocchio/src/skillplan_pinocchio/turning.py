@@ -246,4 +246,4 @@ def _make_standing(obstacle: Obstacle) -> Standing:
 
 def _is_built_in(fact: str) -> bool:
     """Return True for the fact that a part is at a goal."""
-    return fact.startswith(("placed(", "at_goal("))
+    return fact.startswith(("placed(", "at_goal(", "single("))

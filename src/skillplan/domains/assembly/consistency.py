@@ -13,6 +13,8 @@ from skillplan.domains.assembly.geometry_faults import find_geometry_issues, fin
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.subassembly import find_subassembly_issues
 from skillplan.domains.assembly.vocabulary import HOME, list_actions, list_facts, split_literal
+from skillplan.domains.assembly.workholder_faults import find_holding_issues
+from skillplan.domains.assembly.workholding import list_orientations
 from skillplan.errors import Issue, name_hint
 from skillplan.task.scene import WORLD
 
@@ -22,6 +24,7 @@ _MAX_ISSUES = 300
 
 def find_issues(config: AssemblyConfig) -> list[Issue]:
     """Return the faults, a few hundred at most; geometry is checked only if the parts are sound."""
+    held = list(find_holding_issues(config))
     issues = list(
         islice(
             chain(
@@ -30,8 +33,10 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
                 find_shape_issues(config),
                 find_choice_issues(config),
                 find_subassembly_issues(config),
+                held,
                 _check_cycles(config),
-                _check_lists(config),
+                # Names that stand twice would be facts that stand twice.
+                () if held else _check_lists(config),
                 _check_step_limit(config),
                 _check_product_parts(config),
                 find_cost_issues(config.cost, config.tools, list_actions(config)),
@@ -39,7 +44,7 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
             _MAX_ISSUES,
         )
     )
-    sections = ("parts", "fixtures", "screws", "buffers")
+    sections = ("parts", "fixtures", "screws", "buffers", "workholders", "holders")
     if not any(issue.path[0] in sections for issue in issues):
         issues += islice(find_geometry_issues(config), _MAX_ISSUES)
         issues += islice(find_variant_issues(config), _MAX_ISSUES)
@@ -54,7 +59,10 @@ def _check_names(config: AssemblyConfig) -> Iterator[Issue]:
         message = f"the name {WORLD!r} is taken by the world frame. Choose another."
         yield Issue(message, ("robot", "name"))
     owners: dict[str, str] = {}
-    for section in ("tools", "feeders", "fixtures", "zones", "buffers", "parts", "screws", "works"):
+    for section in (
+        *("tools", "feeders", "fixtures", "zones", "buffers", "parts", "screws", "works"),
+        *("workholders", "holders"),
+    ):
         for name in getattr(config, section):
             if name in owners:
                 message = f"the name {name!r} is taken in {owners[name]!r}. Choose another."
@@ -263,11 +271,12 @@ def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
         )
         for name, part in config.moved_parts.items()
         if not (part.other_goals or part.other_tools or part.interchangeable or part.optional)
+        and len(list_orientations(config, name)) == 1
     ]
     jobs += [
         (f"fastened({name})", [f"fasten({name})"], s.tool)
         for name, s in config.screws.items()
-        if not (s.other_tools or s.optional)
+        if not (s.other_tools or s.optional) and len(list_orientations(config, name)) == 1
     ]
     goal = None if config.goal is None else set(config.goal)
     initial = None if config.initial_tool is None else config.find_carrier(config.initial_tool)

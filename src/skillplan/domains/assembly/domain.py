@@ -14,6 +14,7 @@ from skillplan.domains.assembly.overview import (
     find_assumptions,
     find_hints,
     list_choices,
+    list_holding,
     list_screws,
     list_supports,
 )
@@ -30,6 +31,7 @@ _SECTIONS = {
     "fastened": "screws",
 }
 _SECTIONS |= {"pressed": "works", "dispensed": "works"}
+_SECTIONS |= {"turned": "workholders", "holds": "holders", "open": "holders"}
 
 
 class AssemblyDomain(Domain):
@@ -55,8 +57,8 @@ class AssemblyDomain(Domain):
         return (*find_hints(config), *(find_zone_hints(config) if config.zones else ()))
 
     def overview(self, config: Any) -> Overview:
-        """Return supports, meshes, zones, screws, and choices of grasps and insertions."""
-        listings = list_supports, list_zones, list_choices, list_screws
+        """Return supports, meshes, zones, turns, screws, and choices of grasps and insertions."""
+        listings = list_supports, list_zones, list_holding, list_choices, list_screws
         views = [listing(config) for listing in listings]
         document = {key: value for view in views for key, value in view.document.items()}
         return Overview(document, tuple(line for view in views for line in view.lines))
@@ -101,6 +103,13 @@ class AssemblyDomain(Domain):
             return ("screws", subject, "hole_m")
         if name in ("press", "dispense"):
             return ("works", subject)
+        if name == "turn":
+            return ("workholders", subject, "pivot_m")
+        if name in ("clamp", "hold", "release"):
+            part, _, by = subject.partition(":")
+            holders = config.holders.items()
+            first = (holder for holder, entry in holders if part in entry.parts)
+            return ("holders", by or next(first))
         if name == "join":
             return ("parts", subject, "made_of")
         if subject not in config.parts:

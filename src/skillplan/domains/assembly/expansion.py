@@ -86,6 +86,7 @@ class _Expansion:
                 self._write_section(section)
         self._write_chart()
         self._write_goal()
+        self._write_holding()
         values, keys = dict(self.document.values), dict(self.document.keys)
         given = list(self.document.given)
         for target, source in self.sources.items():
@@ -112,7 +113,7 @@ class _Expansion:
         )
 
     def _entries(self, section: str) -> dict[str, Any]:
-        entries = self.document.data.get(section)
+        entries = self.data.get(section)
         return entries if isinstance(entries, dict) else {}
 
     def _fault(self, message: str, *path: str | int) -> None:
@@ -373,6 +374,13 @@ class _Expansion:
         goal = self.data.get("goal")
         if isinstance(goal, list):
             self.data["goal"] = _flatten(goal, self._all_facts)
+
+    def _write_holding(self) -> None:
+        """Write out the parts of workholders and holders: a counted name stands for all."""
+        for section, key in (("workholders", "carries"), ("holders", "parts")):
+            for entry in self._entries(section).values():
+                if isinstance(entry, dict) and key in entry:
+                    entry[key] = _flatten(_as_list(entry[key]), self._all_of)
 
     def _all_of(self, name: Any) -> Any:
         count = self.counts.get(name) if isinstance(name, str) else None

@@ -197,6 +197,10 @@ def _list_places(
     yield ("robot", "home_m"), (robot.home_m[0], robot.home_m[1], robot.base_m[2]), 0.0, most_m
     if robot.look_m is not None:
         yield ("robot", "look_m"), robot.look, 0.0, most_m
+    for name, workholder in config.workholders.items():
+        if workholder.stand_m is not None:
+            x_m, y_m = workholder.stand_m
+            yield ("workholders", name, "stand_m"), (x_m, y_m, robot.base_m[2]), 0.0, most_m
     for name, tool in config.carriers.items():
         yield ("tools", name, "holder_m"), tool.holder, beyond_m[name], 0.0
     for name, feeder in config.feeders.items():

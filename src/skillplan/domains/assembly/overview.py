@@ -18,6 +18,7 @@ from skillplan.domains.assembly.schema_types import GraspConfig, list_given_kind
 from skillplan.domains.assembly.screw_holes import find_driving, find_shank
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.vocabulary import list_interchangeable
+from skillplan.domains.assembly.workholding import find_workholder, list_carried
 from skillplan.domains.domain import Overview
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import grasp_boxes
@@ -177,7 +178,12 @@ def list_supports(config: AssemblyConfig) -> Overview:
         before = "fixed from the start" if part.fixed else f"at the start {before}"
         if part.made_of:
             before = f"put together of {', '.join(part.made_of)}, {part.mass_kg:.3g} kg"
-        lines.append(f"rests      {name} on {_format_rests(goal)}; {before}")
+        rests = f"on {_format_rests(goal)}"
+        if not goal and find_workholder(config, name) is not None:
+            rests = "on nothing before it is turned"
+        elif not goal and any(name in holder.parts for holder in config.holders.values()):
+            rests = "on nothing but its holder"
+        lines.append(f"rests      {name} {rests}; {before}")
         entries.append({"part": name, "start": _build_rests(start), "goal": _build_rests(goal)})
     fixtures = []
     for name, fixture in config.fixtures.items():
@@ -190,6 +196,22 @@ def list_supports(config: AssemblyConfig) -> Overview:
     extra = {"fixtures": fixtures, "meshes": meshes, "pieces": pieces}
     document = {"rests": entries, **{key: values for key, values in extra.items() if values}}
     return Overview(document, (*lines, *origins, *more))
+
+
+def list_holding(config: AssemblyConfig) -> Overview:
+    """Return what workholders carry and holders hold, as text."""
+    lines = []
+    for name, workholder in config.workholders.items():
+        own = f", with {', '.join(workholder.fixtures)}" if workholder.fixtures else ""
+        lines.append(
+            f"turns      {name} {', '.join(workholder.orientations)} in {workholder.takes_s:g} s, "
+            f"carries {', '.join(list_carried(config, name))}{own}"
+        )
+    for name, holder in config.holders.items():
+        verb = "closes on" if holder.kind == "clamp" else "waits for"
+        where = "" if holder.turns else " in the first orientation"
+        lines.append(f"holder     {name} {verb} {' or '.join(holder.parts)}{where}")
+    return Overview({}, tuple(lines))
 
 
 def list_screws(config: AssemblyConfig) -> Overview:
