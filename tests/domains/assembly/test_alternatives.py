@@ -92,7 +92,7 @@ def test_an_optional_part_is_left_out_unless_the_goal_names_it(load):
 
 def test_a_zone_rules_out_the_goal_in_it_and_no_other(load):
     """It is a fault if no other goal is left."""
-    chip = {"goal_m": [0.5, -0.3], "goal_on": None, "other_goals": [{"goal_m": [0.6, -0.2]}]}
+    chip = {"goal_m": [0.5, -0.3], "goal_on": None, "other_goals": [{"goal_m": [0.6, -0.1]}]}
     zone = {"min_m": [0.45, -0.35], "max_m": [0.55, -0.25], "keeps_out": "load"}
     problem = load(chip, zones={"view": zone})
     _, skills = solved(problem)
@@ -100,7 +100,7 @@ def test_a_zone_rules_out_the_goal_in_it_and_no_other(load):
     assert "place(chip)" not in [skill.name for skill in problem.task.skills]
     assert "zone view" in problem.task.notes["pick(chip)"][0]
     with pytest.raises(TaskError, match="is in the zone view"):
-        load(chip, zones={"view": {**zone, "max_m": [0.65, -0.15]}})
+        load(chip, zones={"view": {**zone, "max_m": [0.65, -0.05]}})
 
 
 def test_a_blocked_first_choice_is_no_proof_that_there_is_no_order(load):
