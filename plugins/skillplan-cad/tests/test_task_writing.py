@@ -295,6 +295,24 @@ def test_a_heavy_part_on_the_base_stands_in_place_too_if_others_need_it():
     assert task.skills == ("pick(lid)", "place(lid)")
 
 
+def test_a_part_that_goes_in_below_another_comes_down_beside_it():
+    """A block that slides below a roof 24 mm deep, which has been there before, begins at 29 mm."""
+    solids = {
+        "base": box(0, 0, 0, 100, 60, 10),
+        "pillar": box(0, 0, 10, 35, 60, 40),
+        "roof": box(0, 0, 40, 60, 60, 50),
+        "block": box(36, 10, 10, 56, 50, 40),
+    }
+    product, relation, plan = relate(product_of(solids))
+    bearing = find_best_bearing(product, relation)
+    on = {"base": (), "pillar": ("base",), "roof": ("pillar",), "block": ("base",)}
+    task = build_task(product, relation, plan, bearing=replace(bearing, order=tuple(on), on=on))
+    entry = task.document["parts"]["block"]
+    assert all(way[2] == 0.0 for way in entry["insert_along"])
+    assert entry["insert_m"] == pytest.approx(0.029)
+    assert task.skills.index("place(roof)") < task.skills.index("place(block)")
+
+
 def test_a_tray_keeps_parts_apart_and_within_reach():
     items = [Item(f"part_{n}", (0.04, 0.03, 0.02)) for n in range(10)]
     result = lay_out_table((0.12, 0.10, 0.05), items, reach_m=0.855)

@@ -511,6 +511,9 @@ def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
 
 
 _MOST_DIRECTIONS = 3
+# Default length and clearance of level insertions, and overlap that counts as touching, as in the
+# task's own measure of neighbours [m].
+_LEAST_STROKE_M, _CLEAR_STROKE_M, _TOUCH_M = 0.01, 0.005, 2e-4
 _BELOW_SHANK_M = 0.01
 _COMMENT_WIDTH = 98
 
@@ -760,7 +763,41 @@ class TaskWriter:
         ways = self._list_directions(part)
         if ways != [[0.0, 0.0, -1.0]] and not fixed:
             entry["insert_along"] = ways
+            stroke_m = self._find_stroke_m(part, ways)
+            if stroke_m is not None:
+                entry["insert_m"] = stroke_m
         return entry
+
+    def _find_stroke_m(self, part: Part, ways: Sequence[Sequence[float]]) -> float | None:
+        """Return the length of level insertions that begin clear of earlier parts above [m].
+
+        None if the default does: it clears the parts beside, but the part comes down from above.
+        """
+        if any(abs(way[2]) > _LEVEL for way in ways) or part.name not in self.bearing.order:
+            return None
+        before = self.bearing.order[: self.bearing.order.index(part.name)]
+        own = self.upright.vertices(part)
+        above_m, beside_m = 0.0, _LEAST_STROKE_M
+        for other in self.gripped:
+            there = self.upright.vertices(other)
+            if other.name == part.name or there[:, 2].max() < own[:, 2].min() + _TOUCH_M:
+                continue
+            is_beside = there[:, 2].min() < own[:, 2].max() - _TOUCH_M
+            if not is_beside and other.name not in before:
+                continue
+            for way in ways:
+                frame = np.array([way, np.cross(way, DOWN)])
+                mine, theirs = own @ frame.T, there @ frame.T
+                overlaps = np.minimum(mine.max(axis=0), theirs.max(axis=0)) - np.maximum(
+                    mine.min(axis=0), theirs.min(axis=0)
+                )
+                if (overlaps > _TOUCH_M).all():
+                    length_m = float(mine[:, 0].max() - theirs[:, 0].min()) + _CLEAR_STROKE_M
+                    if is_beside:
+                        beside_m = max(beside_m, length_m)
+                    else:
+                        above_m = max(above_m, length_m)
+        return round(above_m, 4) if above_m > beside_m else None
 
     def _add_meshes(self, name: str, meshes: Meshes, files: dict[str, str]) -> list[dict[str, Any]]:
         """Add the meshes of a part to the files, and return their entries."""
