@@ -9,7 +9,6 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from skillplan.cli import main
 from skillplan.domains.assembly import ArmFileError, read_arm
 from urdf_text import joint, urdf
 
@@ -261,19 +260,6 @@ def test_without_the_library_the_first_use_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ArmFileError, match=r"Line \d+: \$\{a_m\} is xacro.*skillplan\[urdf\]"):
         read_arm(tmp_path, "arm.urdf", "flange", [0.1] * 6)
-
-
-@pytest.fixture
-def check(capsys):
-    """Run ``check`` in this process: exit code, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as ended:
-            main(["check", *map(str, words)])
-        captured = capsys.readouterr()
-        return ended.value.code, captured.out, captured.err
-
-    return call
 
 
 def test_check_describes_an_arm_alone(tmp_path, check):

@@ -7,7 +7,6 @@ import pytest
 from pydantic import ValidationError
 
 from situations import assembly
-from skillplan.cli import main
 from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
 from skillplan.physics import plan_linear_motions
 from skillplan.robots import STANDARD_HAND
@@ -54,19 +53,6 @@ def content_of(tool=None, *, grasp=None, goal_m=(0.5, 0.0), **robot):
         },
         "step_limit": 2,
     }
-
-
-@pytest.fixture
-def check(capsys):
-    """Run ``check`` in this process: exit code, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as ended:
-            main(["check", *map(str, words)])
-        captured = capsys.readouterr()
-        return ended.value.code, captured.out, captured.err
-
-    return call
 
 
 def motions_of(task):
