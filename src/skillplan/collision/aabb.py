@@ -207,7 +207,7 @@ def _place_tool_box(
 ) -> WorldBox:
     """Return the box about the tool at a visit, displaced by a vector [m]."""
     body = load.body
-    if body is None and visit.event in (Event.GRASP, Event.RELEASE, Event.FETCH):
+    if body is None and visit.event in (Event.GRASP, Event.RELEASE, Event.FETCH, Event.DRIVE):
         body = scene.body(visit.subject)
     points = hand_direction(scene, visit)
     if is_same_direction(points, DOWN):
@@ -393,7 +393,7 @@ class AabbDetector(Detector):
             f"the arm's links, fingers and postures: aabb checks boxes of parts and tools{zones}",
             *([f"the stops of fits at the goals of {', '.join(fitted)}"] if fitted else []),
             *([f"bits, cups and shanks of {without}"] if bare else []),
-            *([f"tools beside the acting one: {', '.join(mounted)}"] if mounted else []),
+            *([f"other tools on the hand of the acting one: {', '.join(mounted)}"] if mounted else []),
             *([f"bodies of the grippers {', '.join(hands)}, without envelope_m"] if hands else []),
             *([f"collisions while {', '.join(turning)} turns"] if turning else []),
             *([f"room for the jaws {', '.join(jaws)} to close"] if jaws else []),

@@ -112,7 +112,7 @@ def build_hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple
         return (HandPart("a finger", fingers), HandPart("the hand", _make_body(hand)))
     shapes = build_tool_shapes(tool, robot.hand)
     if tool.mount is not None:
-        # Axes of the arm's tip and those of parts of the hand differ by this.
+        # From axes of the arm's tip to axes of hand parts, and back.
         turn = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
         own, at = np.array(tool.mount.rotation), np.array(tool.mount.position)
         placed = ((_get_corners(shape) @ turn @ own.T + at) @ turn for shape in shapes)

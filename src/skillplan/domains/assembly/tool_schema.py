@@ -245,7 +245,7 @@ class ToolConfig(Strict):
             if key in self.model_fields_set:
                 raise Located("is that of the tool that it is mounted on. Leave it out.", key)
         if self.mass_kg is None:
-            raise Located("key 'mass_kg' is missing: what it adds to the hand that it is on.")
+            raise Located("key 'mass_kg' is missing: mass that it adds to the hand [kg].")
         if self.envelope_m is not None:
             raise Located(
                 "give 'body' instead: a mounted tool is checked by its shapes.", "envelope_m"
@@ -367,7 +367,7 @@ class ToolConfig(Strict):
         x_m, y_m, z_m = self.mount_m or (0.0, 0.0, 0.0)
         flange = Pose.turned((x_m, y_m, z_m), (roll, pitch, yaw))
         tip = flange.apply((0.0, 0.0, self.measure_length_m(kind, hand)))
-        # From axes with x along the closing axis to those of the arm, with y along it.
+        # From axes with x along the closing axis to axes with y along it.
         own_m = (0.0, 0.0, hand.tip_on_flange.xyz_m[2])
         y, z = (_to_arm(flange.rotate(axis)) for axis in (AXES["x"], AXES["z"]))
         return Pose.of_axes(_to_arm(plus(tip, own_m, -1.0)), y, z)
