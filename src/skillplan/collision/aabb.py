@@ -393,7 +393,11 @@ class AabbDetector(Detector):
             f"the arm's links, fingers and postures: aabb checks boxes of parts and tools{zones}",
             *([f"the stops of fits at the goals of {', '.join(fitted)}"] if fitted else []),
             *([f"bits, cups and shanks of {without}"] if bare else []),
-            *([f"other tools on the hand of the acting one: {', '.join(mounted)}"] if mounted else []),
+            *(
+                [f"other tools on the hand of the acting one: {', '.join(mounted)}"]
+                if mounted
+                else []
+            ),
             *([f"bodies of the grippers {', '.join(hands)}, without envelope_m"] if hands else []),
             *([f"collisions while {', '.join(turning)} turns"] if turning else []),
             *([f"room for the jaws {', '.join(jaws)} to close"] if jaws else []),

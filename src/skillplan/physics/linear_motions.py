@@ -302,7 +302,12 @@ def _plan_linear_motion(
         leaves_with = visit.subject
     elif visit.event is Event.DRIVE:
         carries, leaves_with = visit.subject, None
+    loads = find_tool_after(robot, visit, tool) if visit.event is Event.LOAD else None
+    acting = loads or tool
     points, closing = _find_hand_directions(visit, grasp)
+    is_free = visit.event in (Event.FETCH, Event.DRIVE, Event.WORK)
+    if acting is not None and acting.mount is not None and is_free:
+        closing = _turn_outwards(robot, visit, acting.mount, points, closing)
     drop_m = _choose_drop_m(task.scene, visit, drop_height_m)
     tip = _find_tip(task, visit, grasp)
     body = None if grasp is None else task.scene.body(visit.subject)
@@ -318,8 +323,6 @@ def _plan_linear_motion(
         yaw_rad = _find_closing_yaw_rad(visit, grasp, closing)
     else:
         yaw_rad, low_m = 0.0, min(low_m, tip[2] - _HAND_RADIUS_M)
-    loads = find_tool_after(robot, visit, tool) if visit.event is Event.LOAD else None
-    acting = loads or tool
     hand = Pose.of_axes(tip, closing, points)
     if acting is not None and acting.mount is not None:
         hand = hand.then(acting.mount.inverse())
@@ -363,6 +366,19 @@ def _plan_linear_motion(
         loads,
         is_exact,
     )
+
+
+def _turn_outwards(robot: Robot, visit: Visit, mount: Pose, points: Point, closing: Point) -> Point:
+    """Return the closing direction with which a hand lies away from its base above a target.
+
+    A bit, ram or needle on its side may turn about its axis: the arm reaches farthest outwards.
+    """
+    x, y, _ = mount.inverse().rotate(AXES["z"])
+    away = plus(visit.position, robot.base, -1.0)
+    if not is_same_direction(points, DOWN) or math.hypot(x, y) < 1e-6:
+        return closing
+    yaw_rad = math.atan2(away[1], away[0]) - math.atan2(x, y)
+    return (math.cos(yaw_rad), math.sin(yaw_rad), 0.0)
 
 
 def _measure_lowest_m(robot: Robot, tool: Tool, hand: Pose) -> float:

@@ -302,3 +302,17 @@ def test_a_mounted_tool_without_its_keys_is_a_fault(changes, words):
     except ValidationError as error:
         messages = [str(error)]
     assert any(words in message for message in messages)
+
+
+def test_a_hand_with_a_driver_on_its_side_lies_away_from_the_base():
+    """The turn about a bit is free, and the arm reaches farthest outwards."""
+    content = duo(type="screwdriver")
+    del content["parts"]["lid"]
+    content["screws"] = {"screw": {"tool": "cup", "hole_m": [0.5, 0.01], "through": "part"}}
+    task = assembly(content)
+    skill = task.skill("fasten(screw)")
+    state = skill.precondition.requires | task.facts.of("at(home)")
+    (motion,) = plan_linear_motions(task, skill, state)
+    away = math.hypot(0.5, 0.01)
+    assert motion.points == pytest.approx((0.5 / away, 0.01 / away, 0.0), abs=1e-9)
+    assert motion.tool_points == pytest.approx((0.0, 0.0, -1.0), abs=1e-9)
