@@ -37,16 +37,20 @@ def perform(engine, task, *names):
 def test_a_turn_moves_what_is_fixed_and_names_what_is_loose(engine, tmp_path):
     """Halfway the chassis stands on edge beside the pivot; the screw keeps the cover on it."""
     cell = yaml.safe_load((CONFIGS / "cell_turn.yaml").read_text())
+    jaw = {"size_m": [0.008, 0.02, 0.018], "centre_m": [0.0642, 0.0, 0.009]}
+    cell["fixtures"]["jaw"] = {"boxes": [jaw], "at_m": [0.50, 0.0, 0.162]}
+    cell["holders"]["vise"]["fixtures"] = "jaw"
     del cell["parts"]["foot"], cell["screws"]["bottom"], cell["expect"]
     path = tmp_path / "cell.yaml"
     path.write_text(yaml.safe_dump(cell, sort_keys=False))
     loose = ("hand_free", "tool(driver)", "turned(flip.up)", "placed(chassis)", "placed(cover)")
     fixed = (*loose, "holds(vise.chassis)", "fastened(top)")
-    physics, task = make_engine(engine, path, *fixed)
-    done, rows = perform(physics, task, "turn(flip.down)")
+    physics, task = make_engine(engine, path, *loose, "fastened(top)", "open(vise)")
+    done, rows = perform(physics, task, "clamp(chassis)", "turn(flip.down)")
     assert done.failed is None
+    assert {arrival.body for arrival in done.arrivals} >= {"chassis", "cover", "top", "jaw"}
     assert max(arrival.offset_m for arrival in done.arrivals) < 2e-4
-    poses = [row.bodies["chassis"] for row in rows]
+    poses = [row.bodies["chassis"] for row in rows if row.skill == "turn(flip.down)"]
     away_m = [math.dist(pose.position, (0.5, 0.0, 0.17)) for pose in poses]
     assert max(away_m) - min(away_m) < 1e-4
     edge = min(poses, key=lambda pose: abs(pose.rotate((0.0, 0.0, 1.0))[2]))

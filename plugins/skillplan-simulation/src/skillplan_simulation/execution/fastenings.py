@@ -54,7 +54,9 @@ class Rearrangement:
     Parameters
     ----------
     fixed, freed
-        Parts that holders take and let go.
+        Parts that holders take and let go; new jaws are fixed, too.
+    passes
+        New jaws, each with the part between them.
     appears
         New bodies with their poses: closed jaws, and a joined part.
     vanishes
@@ -65,6 +67,7 @@ class Rearrangement:
 
     fixed: tuple[str, ...]
     freed: tuple[str, ...]
+    passes: tuple[tuple[str, str], ...]
     appears: tuple[tuple[Body, Pose], ...]
     vanishes: tuple[str, ...]
     lead: tuple[str, Pose] | None
@@ -201,10 +204,14 @@ class Fastenings:
                 vanishes.append(body.name)
                 if lead is None:
                     lead = body.name, before.pose
+        jaws = tuple(
+            (body.name, self._jaws[body.name]) for body, _ in appears if body.name in self._jaws
+        )
         held, still_held = map(self._list_in_holders, (state, after))
         return Rearrangement(
-            tuple(sorted(still_held - held)),
+            (*sorted(still_held - held), *(name for name, _ in jaws)),
             tuple(sorted(held - still_held)),
+            jaws,
             tuple(appears),
             tuple(vanishes),
             lead,

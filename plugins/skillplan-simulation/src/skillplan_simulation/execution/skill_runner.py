@@ -294,6 +294,8 @@ class SkillRunner(ControlledRobot):
             world.remove(name)
         for body, pose in change.appears:
             world.add(body, pose if shift is None else shift.then(pose))
+        for name, part in change.passes:
+            world.part(name, [part])
         for name in change.fixed:
             fix_in_place(world, name)
         self.due = {name: world.pose(name) for name in change.freed if name in world.numbers}
