@@ -15,6 +15,9 @@ from skillplan.task.scene import WORLD, Scene
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Condition, Facts, State
 
+# Rounding of a cost that must not change a count in it.
+_ROUNDING = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class Metric:
@@ -33,6 +36,8 @@ class Metric:
         `WeightedCost`. Times from back ends override the task's figures if it is above 0.
     terms
         Terms of a weighted sum in words, such as ``0.5 ct/m``.
+    ranks
+        Names and weights of counts that come before the rest of the cost, largest first.
     """
 
     name: str
@@ -41,6 +46,7 @@ class Metric:
     is_duration: bool = False
     per_s: float = 0.0
     terms: tuple[str, ...] = ()
+    ranks: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         if self.decimals < 0:
@@ -66,8 +72,13 @@ class Metric:
         return f"{self.name} [{self.unit}]" if self.unit not in ("", self.name) else self.name
 
     def text(self, value: float) -> str:
-        """Return a value as text, with its unit."""
-        return f"{value:.{self.decimals}f} {self.unit}".rstrip()
+        """Return a value as text, with its unit, and with the counts that come first."""
+        counts = []
+        for name, weight in self.ranks:
+            count, value = divmod(value + _ROUNDING, weight)
+            value = max(value - _ROUNDING, 0.0)
+            counts.append(f"{count:.0f} {name}{'' if count == 1 else 's'}, ")
+        return f"{''.join(counts)}{value:.{self.decimals}f} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,3 +116,50 @@ def test_weights_are_finite_and_not_negative():
         Metric("cost", "ct", per_s=-1.0)
     with pytest.raises(ValueError, match="a duration is none"):
         Metric("time", "s", is_duration=True, per_s=1.0)
+
+
+# The table slides to the parts: faster for both, but a turn.
+SLIDING = {
+    "kind": "assembly",
+    "name": "sliding",
+    "robot": {"name": "panda", "home_m": [0.1, 0.0], "travel_speed_m_per_s": 0.1},
+    "tools": {"gripper": {"holder_m": [0.1, 0.3]}},
+    "initial_tool": "gripper",
+    "parts": {
+        name: {
+            "tool": "gripper",
+            "size_m": [0.04, 0.04, 0.04],
+            "start_m": [0.1, y_m],
+            "goal_m": [0.5, y_m],
+        }
+        for name, y_m in (("left", 0.1), ("right", -0.1))
+    },
+    "collision": {"aabb": {}},
+    "workholders": {
+        "slide": {
+            "pivot_m": [0.5, 0.0, 0.0],
+            "orientations": {"far": {}, "near": {"shift_m": [-0.3, 0.0, 0.0]}},
+            "takes_s": 0.1,
+        }
+    },
+}
+
+
+@pytest.mark.parametrize(("cost", "turns"), [("time", 1), (["turns", "time"], 0)])
+def test_costs_in_order_have_the_fewest_turns_first(cost, turns):
+    result = solve(assembly({**SLIDING, "cost": cost}))
+    assert sum(step.skill.startswith("turn(") for step in result.steps) == turns
+    assert result.cost < 100
+
+
+def test_a_cost_in_order_is_shown_as_counts():
+    metric = assembly({**SLIDING, "cost": ["turns", "distance"]}).metric
+    assert metric.text(20000.75) == "2 turns, 0.75000 m"
+    assert metric.text(10000.0 - 1e-9) == "1 turn, -0.00000 m".replace("-", "")
+
+
+def test_an_order_names_counts_that_the_task_has():
+    config = AssemblyConfig.model_validate({**SLIDING, "cost": ["holds", "time"]})
+    (issue,) = find_issues(config)
+    assert issue.path == ("cost", 0)
+    assert "'holds' has no effect, as the task has no 'holders'" in issue.message

@@ -1,15 +1,16 @@
-"""The YAML schema of costs: the path, the cycle time, or a weighted sum with wear and energy."""
+"""The YAML schema of costs: path, cycle time, counts that come first, or a weighted sum."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from skillplan.domains.domain import Strict
 from skillplan.errors import Issue, name_hint
-from skillplan.files.schema_errors import ONE, WORD
+from skillplan.files.schema_errors import ONE, SEVERAL, WORD, Located
 from skillplan.task.task import Metric
 
 Weight = Annotated[float, Field(ge=0, le=1e6)]
@@ -23,6 +24,10 @@ _METRICS: Mapping[str, Metric] = {
 # Skills that end or prepare the use of a tool: they wear it together with the pick or fastening.
 _NO_USES = ("place", "load", "offload", "turn")
 _J_PER_KJ = 1000.0
+# Skills that are counted.
+_KINDS: Mapping[str, tuple[str, ...]] = {"holds": ("clamp", "hold"), "turns": ("turn",)}
+# Weight of the last count in the unit of what follows, and of each count in that of the next.
+_FIRST_WEIGHT, _NEXT_WEIGHT = 1e4, 100.0
 
 
 class CostConfig(Strict):
@@ -56,17 +61,70 @@ class CostConfig(Strict):
     )
 
 
-CostChoice = Annotated[
-    Annotated[Literal["distance", "time"], Tag(WORD)] | Annotated[CostConfig, Tag(ONE)],
-    Discriminator(lambda value: WORD if isinstance(value, str) else ONE),
+Term = Literal["holds", "turns", "time", "distance"]
+
+
+def _check_order(terms: list[Term]) -> list[Term]:
+    last, counts = terms[-1], terms[:-1]
+    if last not in _METRICS or any(term in _METRICS for term in counts):
+        raise Located("must end with 'time' or 'distance', after 'holds', 'turns' or both.")
+    if len(set(counts)) < len(counts):
+        raise Located(f"names {counts[0]!r} twice. Leave one out.")
+    return terms
+
+
+CostOrder = Annotated[
+    list[Term],
+    Field(
+        min_length=2,
+        max_length=3,
+        description="fewest of the first, then of the next, then the least of the last, which is "
+        "time or distance; among plans below 10,000 s or m and 100 of the second",
+    ),
+    AfterValidator(_check_order),
 ]
-"""A cost by name, or a weighted sum."""
+"""Costs in the order of their importance."""
+
+CostChoice = Annotated[
+    Annotated[Literal["distance", "time"], Tag(WORD)]
+    | Annotated[CostOrder, Tag(SEVERAL)]
+    | Annotated[CostConfig, Tag(ONE)],
+    Discriminator(
+        lambda value: (
+            WORD if isinstance(value, str) else SEVERAL if isinstance(value, list) else ONE
+        )
+    ),
+]
+"""A cost by name, costs in order, or a weighted sum."""
+
+Choice = str | list[Term] | CostConfig
 
 
-def make_metric(cost: str | CostConfig) -> Metric:
+@lru_cache(maxsize=64)
+def _weigh_terms(terms: tuple[Term, ...]) -> CostConfig:
+    """Return costs in order as a weighted sum, in which a count outweighs all that follow."""
+    last, wear, weight = terms[-1], dict[str, float](), _FIRST_WEIGHT
+    for term in reversed(terms[:-1]):
+        wear |= dict.fromkeys(_KINDS[term], weight)
+        weight *= _NEXT_WEIGHT
+    per_s = float(last == "time")
+    return CostConfig(unit=_METRICS[last].unit, per_m=1 - per_s, per_s=per_s, wear=wear)
+
+
+def weigh_cost(cost: Choice) -> str | CostConfig:
+    """Return a cost by name, or as a weighted sum."""
+    return _weigh_terms(tuple(cost)) if isinstance(cost, list) else cost
+
+
+def make_metric(cost: Choice) -> Metric:
     """Return the metric of a cost."""
     if isinstance(cost, str):
         return _METRICS[cost]
+    if isinstance(cost, list):
+        sums, last = _weigh_terms(tuple(cost)), _METRICS[cost[-1]]
+        ranks = tuple((term[:-1], sums.wear[_KINDS[term][0]]) for term in cost[:-1])
+        rates = tuple(f"{weight:,.0f} {last.unit} per {name}" for name, weight in ranks)
+        return Metric("cost", last.unit, last.decimals, per_s=sums.per_s, terms=rates, ranks=ranks)
     per = f"{cost.unit}/" if cost.unit else "1/"
     terms = [f"{weight:g} {per}{unit}" for weight, unit in _list_rates(cost) if weight]
     if cost.wear:
@@ -95,19 +153,24 @@ def compute_fixed_cost(
     return wear + cost.per_kj * energy_j / _J_PER_KJ
 
 
-def find_cost_issues(
-    cost: str | CostConfig, tools: Iterable[str], actions: Sequence[str]
-) -> Iterator[Issue]:
-    """Yield unknown names, and keys without effect, of a weighted sum.
+def find_cost_issues(cost: Choice, tools: Iterable[str], actions: Sequence[str]) -> Iterator[Issue]:
+    """Yield unknown names, and keys and counts without effect, of costs.
 
     Parameters
     ----------
     tools, actions
         Names of the task's tools and skills.
     """
+    kinds = list(dict.fromkeys(action.partition("(")[0] for action in actions))
+    if isinstance(cost, list):
+        for number, term in enumerate(cost[:-1]):
+            if not set(_KINDS[term]) & set(kinds):
+                needed = "'holders'" if term == "holds" else "'workholders'"
+                message = f"{term!r} has no effect, as the task has no {needed}. Leave it out."
+                yield Issue(message, ("cost", number))
+        return
     if isinstance(cost, str):
         return
-    kinds = list(dict.fromkeys(action.partition("(")[0] for action in actions))
     known = {"wear": [*tools, *kinds, *actions], "energy_j": [*kinds, *actions]}
     for key, names in known.items():
         for subject in getattr(cost, key):
@@ -128,18 +191,24 @@ def find_cost_issues(
         yield Issue(message, ("cost",))
 
 
-def list_cost_names(cost: str | CostConfig) -> tuple[str, ...]:
+def list_cost_names(cost: Choice) -> tuple[str, ...]:
     """Return the names of the costs of a file."""
     names = ["distance", "time"]
+    if isinstance(cost, list):
+        names += ["cost", *cost[:-1]]
     if isinstance(cost, CostConfig):
         names += ["cost", *(["wear"] if cost.wear else []), *(["energy"] if cost.energy_j else [])]
     return tuple(names)
 
 
-def choose_cost(cost: str | CostConfig, name: str) -> str | CostConfig:
+def choose_cost(cost: Choice, name: str) -> Choice:
     """Return one of the costs that `list_cost_names` lists."""
     if isinstance(cost, str) or name in _METRICS:
         return name
+    if name in _KINDS:
+        return CostConfig(unit=name, wear=dict.fromkeys(_KINDS[name], 1.0))
+    if isinstance(cost, list):
+        return cost
     if name == "wear":
         return CostConfig(unit=cost.unit, wear=cost.wear)
     if name == "energy":

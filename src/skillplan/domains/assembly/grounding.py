@@ -14,7 +14,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from skillplan.domains.assembly import vocabulary
-from skillplan.domains.assembly.cost_schema import CostConfig, compute_fixed_cost, make_metric
+from skillplan.domains.assembly.cost_schema import (
+    CostConfig,
+    compute_fixed_cost,
+    make_metric,
+    weigh_cost,
+)
 from skillplan.domains.assembly.feeding import add_waits, find_supply
 from skillplan.domains.assembly.gripping import (
     choose_tool_kind,
@@ -410,7 +415,7 @@ class _Grounding:
         duration_s: Cost,
     ) -> Cost:
         """Return the cost of a skill in the task's metric."""
-        weights = self.config.cost
+        weights = weigh_cost(self.config.cost)
         if isinstance(weights, CostConfig):
             fixed = compute_fixed_cost(weights, kind, name, parameters)
             return WeightedCost(distance_m, weights.per_m, duration_s, weights.per_s, fixed)

@@ -209,7 +209,8 @@ class AssemblyConfig(Strict):
         "distance",
         description="objective: distance, the planar path of the tip [m]; time, the cycle "
         "time [s]: 'durations_s', and travels by the trajectories of a back end, or else by "
-        "'travel_speed_m_per_s'; or weights of a sum of both with wear and energy",
+        "'travel_speed_m_per_s'; a list such as [holds, turns, time], the fewest of the first, "
+        "then of the next; or weights of a sum of both with wear and energy",
     )
     durations_s: DurationsConfig = Field(
         default_factory=DurationsConfig,
