@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
+from sequencing_problems import random_problems
 from situations import (
     assembly,
     cheapest_by_length,
@@ -21,7 +22,13 @@ from situations import (
     two_roads_task,
 )
 from skillplan.errors import NotASequencing
-from skillplan.judge import ORDERS, STATES, find_least_cost_of_orders, find_least_cost_of_states
+from skillplan.judge import (
+    ORDERS,
+    STATES,
+    find_bound_of_orders,
+    find_least_cost_of_orders,
+    find_least_cost_of_states,
+)
 from skillplan.model import SequencingProblem
 from skillplan.pipeline import make_model, solve
 from skillplan.records import Status
@@ -70,6 +77,21 @@ class TestOrders:
             order = [problem.jobs.index(name) for name in least_cost.skills]
             assert tuple(order) in allowed
             assert problem.cost(order) == least_cost.cost
+
+    @settings(max_examples=10, deadline=None)
+    @given(problem=random_problems())
+    def test_the_relaxation_bounds_the_cheapest_order_from_below(self, problem):
+        """Also with costs that differ by direction, and with precedence."""
+        bound = find_bound_of_orders(problem)
+        assert bound is None or bound <= find_least_cost_of_orders(problem).cost + 1e-9
+
+    def test_the_relaxation_proves_an_order_with_too_many_sets(self):
+        """The way along a line to its end, with a job that comes last."""
+        places = [3, 7, 1, 9, 5, 2, 8, 4, 6, 10]
+        costs = [[abs(a - b) for b in places] for a in places]
+        problem = problem_of(places, costs, {(job, 0) for job in range(1, 10)})
+        assert find_least_cost_of_orders(problem, most_subsets=100).cost is None
+        assert find_bound_of_orders(problem) == pytest.approx(17.0)
 
     def test_a_circle_has_no_order(self):
         """Then there is no plan at all."""

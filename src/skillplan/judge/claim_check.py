@@ -4,7 +4,10 @@ Nothing here trusts the solver that made the claims or shares code with it. Clai
 are checked by the two plainest methods, without bounds, pruning or compiled code: a dynamic program
 over orders of jobs (Held and Karp, "A dynamic programming approach to sequencing problems", 1962;
 restricted to sets closed under the precedence relation, as by Escudero, 1988), and uniform-cost
-search over the lazy model (Dijkstra, 1959). Both are given up beyond a limit.
+search over the lazy model (Dijkstra, 1959). Both are given up beyond a limit. Then a bound may
+follow from a linear relaxation of the orders: every job is entered and left once, and every set of
+jobs is entered (Dantzig, Fulkerson and Johnson, 1954). The program that solves it need not be
+trusted, because any multipliers prove a bound.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ import heapq
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skillplan.domains.domain import Domain
 from skillplan.errors import (
@@ -40,6 +43,7 @@ MOST_SUBSETS = 1_000_000
 MOST_STATES = 200_000
 ORDERS = "dynamic program over orders of jobs"
 STATES = "uniform-cost search over all states"
+RELAXATION = "linear relaxation of orders"
 _STOPPED = "stopped before it was done"
 _POLL_EVERY = 1_024
 
@@ -58,12 +62,15 @@ class LeastCost:
         A plan of that cost; empty without one.
     why_not
         Reason why the method was given up; empty if it was not.
+    is_bound
+        True if `cost` is a lower bound only.
     """
 
     method: str
     cost: float | None = None
     skills: tuple[str, ...] = ()
     why_not: str = ""
+    is_bound: bool = False
 
 
 def find_least_cost_of_orders(
@@ -187,6 +194,101 @@ def find_least_cost_of_states(
     if model.stats.unknown:
         return LeastCost(STATES, why_not="some verdicts are unknown")
     return LeastCost(STATES, math.inf)
+
+
+def find_bound_of_orders(
+    problem: SequencingProblem, over: Callable[[], bool] = lambda: False, most_rounds: int = 200
+) -> float | None:
+    """Return a lower bound on the cost of doing all jobs, by linear programming with cuts.
+
+    Parameters
+    ----------
+    problem
+        Jobs, costs between them and their precedence.
+    over
+        Polled; the bound so far is returned once it returns True.
+    most_rounds
+        Greatest number of rounds of cuts.
+
+    Returns
+    -------
+    float or None
+        None without a bound.
+    """
+    import numpy as np
+    from scipy.optimize import linprog
+    from scipy.sparse import csr_matrix
+
+    costs = _list_arcs(problem)
+    begins, ends = np.array([*costs]).T
+    values, size = np.array([*costs.values()]), len(problem.jobs) + 1
+    numbers = np.arange(len(values))
+    rows = np.concatenate([begins, size + ends])
+    visits = csr_matrix((np.ones(2 * len(values)), (rows, np.tile(numbers, 2))))
+    best: float | None = None
+    cuts: list[Any] = []
+    for _ in range(most_rounds):
+        if over():
+            break
+        entered = {"A_ub": -np.array(cuts), "b_ub": -np.ones(len(cuts))} if cuts else {}
+        answer = linprog(values, A_eq=visits, b_eq=np.ones(2 * size), method="highs", **entered)
+        if answer.x is None:
+            break
+        # Any multipliers prove a bound: shares of arcs are 0 to 1, and a cut is at least 1.
+        once = answer.eqlin.marginals
+        weights = np.maximum(0.0, -answer.ineqlin.marginals) if cuts else np.zeros(0)
+        reduced = values - visits.T @ once - (weights @ np.array(cuts) if cuts else 0.0)
+        bound = float(once.sum() + weights.sum() + np.minimum(reduced, 0.0).sum())
+        best = bound if best is None else max(best, bound)
+        sets = _find_sets_not_entered(answer.x, begins, ends, size)
+        if not sets:
+            break
+        cuts += [(inside[begins] & ~inside[ends]).astype(float) for inside in sets]
+    return best
+
+
+def _list_arcs(problem: SequencingProblem) -> dict[tuple[int, int], float]:
+    """Return the costs of going from job to job; 0 is the beginning and the end."""
+    jobs = range(len(problem.jobs))
+    after: dict[int, set[int]] = {job: set() for job in jobs}
+    for earlier, later in problem.precedence:
+        after[earlier].add(later)
+    for middle in jobs:
+        for job in jobs:
+            if middle in after[job]:
+                after[job] |= after[middle]
+    arcs = {
+        (0, j + 1): float(problem.first[j]) for j in jobs if not any(j in s for s in after.values())
+    }
+    arcs |= {(i + 1, 0): 0.0 for i in jobs if not after[i]}
+    for i in jobs:
+        between = {k for j in after[i] for k in after[j]}
+        arcs |= {
+            (i + 1, j + 1): float(problem.costs[i][j])
+            for j in jobs
+            if j != i and i not in after[j] and j not in between
+        }
+    return {arc: cost for arc, cost in arcs.items() if math.isfinite(cost)}
+
+
+def _find_sets_not_entered(shares: Any, begins: Any, ends: Any, size: int) -> list[Any]:
+    """Return sets with the beginning that the shares of arcs leave less than once, as masks."""
+    import numpy as np
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+    whole = 1_000_000
+    capacity = csr_matrix((np.round(shares * whole).astype(np.int32), (begins, ends)), (size, size))
+    sets: dict[bytes, Any] = {}
+    for job in range(1, size):
+        flow = maximum_flow(capacity, 0, job)
+        if flow.flow_value < whole - size:
+            rest = (capacity - flow.flow).maximum(0)
+            rest.eliminate_zeros()
+            inside = np.zeros(size, dtype=bool)
+            inside[breadth_first_order(rest, 0, return_predecessors=False)] = True
+            sets[inside.tobytes()] = inside
+    return list(sets.values())
 
 
 _Path = tuple[Transition, "_Path | None"]
@@ -456,7 +558,8 @@ def _check_bound(
     holds = bound <= least_cost.cost + tolerance(min(least_cost.cost, bound))
     good = "there is no plan"
     if not math.isinf(least_cost.cost):
-        good = f"the least cost is {_format_figure(least_cost.cost)}"
+        words = "no plan costs less than" if least_cost.is_bound else "the least cost is"
+        good = f"{words} {_format_figure(least_cost.cost)}"
     claimed = "that there is no plan" if math.isinf(bound) else f"at least {_format_figure(bound)}"
     bad = f"claimed is {claimed}; {good}"
     if least_cost.skills:
@@ -486,6 +589,11 @@ def _find_least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> Lea
     first_answer = first(model, stop)
     if first_answer.cost is not None:
         return first_answer
+    relaxed = _relax_orders(model, stop)
+    if relaxed is not None and stored.lower_bound is not None:
+        allowed = tolerance(min(relaxed, stored.lower_bound))
+        if stored.lower_bound <= relaxed + allowed:
+            return LeastCost(RELAXATION, relaxed, is_bound=True)
     other = second(model, stop)
     if other.cost is not None:
         return other
@@ -514,6 +622,19 @@ def _search_orders(model: SkillModel, stop: Stop) -> LeastCost:
     if not walked.complete or abs(walked.cost - answer.cost) > tolerance(walked.cost):
         return LeastCost(ORDERS, why_not="its plan does not hold on the model")
     return answer
+
+
+def _relax_orders(model: SkillModel, stop: Stop) -> float | None:
+    """Return a lower bound from the orders of jobs, or None."""
+    from skillplan.model.sequencing import SequencingProblem
+
+    if model.task.counts_waits:
+        return None
+    try:
+        problem = SequencingProblem.from_model(model)
+    except (NotASequencing, SearchStopped):
+        return None
+    return find_bound_of_orders(problem, stop) if problem.jobs else None
 
 
 def _find_least_expected_cost(model: SkillModel, stop: Stop) -> LeastCost:
