@@ -34,7 +34,7 @@ BOARDS = {
 BY_PYBULLET = ("starter", "cell_tools")
 # Boards of which the whole suite has none: others have the same kinds of skills.
 LONG = ("cell_alternatives", "cell_cost", "cell_fits", "cell_grips", "cell_screws", "cell_tray")
-LONG += ("cell_nut", "cell_two_tools", "gear_unit", "gearbox")
+LONG += ("cell_nut", "cell_two_tools", "drawer_module", "gear_unit", "gearbox")
 LONG += ("inverter_time", "mini_pc", "motor_drive", "pcb", "pump")
 PRODUCTS = (
     "battery_module",

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import pytest
 
+from same_process import studies_in_this_process
 from skillplan.errors import OptionError
 from skillplan.pipeline import load_problem
 from skillplan.records import Span, SweepRecord
@@ -32,6 +33,13 @@ WORDS = (
     *("sweep", str(CASES), "--solver", "sarsa", "--sampler", "optuna", "--starts", "C20"),
     *("-O", "episodes=50:300", "-O", "alpha=0.01:1:log", "--runs", "2"),
 )
+
+
+@pytest.fixture
+def in_this_process():
+    """Runs of studies take no processes."""
+    with studies_in_this_process():
+        yield
 
 
 class TestOptunaSampler(SamplerSuite):
@@ -164,6 +172,7 @@ def study():
     return plan_sampled(task, "sarsa", values, sampler="optuna", starts=["C20"], runs=2)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_another_study_is_refused_and_what_differs_is_named(study, tmp_path):
     plan, job = study
     sampler = make_sampler("optuna", {})
@@ -179,6 +188,7 @@ def test_another_study_is_refused_and_what_differs_is_named(study, tmp_path):
         open_trials(str(tmp_path), plan, make_sampler("optuna", {"method": "random"}), 0)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_trials_with_failed_runs_are_done_again(study, tmp_path):
     """Also those of which only some runs failed; the study ends with as many trials as before."""
     plan, job = study
@@ -206,6 +216,7 @@ def test_a_folder_of_something_else_is_left_alone(study, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_runs_in_the_journal_that_are_none_are_refused(study, tmp_path):
     plan, job = study
     sampler = make_sampler("optuna", {})
