@@ -224,6 +224,15 @@ def _find_fault(
     return None
 
 
+def list_moved(record: Record) -> tuple[str, ...]:
+    """Return the bodies that are farther from where they must be than bodies creep."""
+    return tuple(
+        name
+        for name, expected in record.expected.items()
+        if measure_offset_m(record.final[name], expected) > _CREEP_M
+    )
+
+
 def _find_moved(record: Record, turn: Visit | None, tolerances: Tolerances) -> str | None:
     """Return the first body that is not where a turn, or no motion at all, must leave it."""
     place = "where it stood" if turn is None else f"where the turn to {turn.subject} takes it"

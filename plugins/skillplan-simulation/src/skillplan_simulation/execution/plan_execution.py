@@ -46,6 +46,7 @@ from skillplan_simulation.verdicts import (
     Tolerances,
     check_postcondition,
     find_collision,
+    list_moved,
     measure_offset_m,
     measure_tilt_rad,
 )
@@ -192,6 +193,8 @@ def take_picture(
     culprits = moment.bodies
     if blamed and not culprits and skill.motion is not None:
         culprits = tuple(visit.subject for visit in skill.motion.visits(state))
+        if workcell.fastenings.find_turn(skill, state) is not None:
+            culprits = list_moved(record)
     frame = _FALLING_FRAMES if record.unsettled is not None else moment.frame
     camera = _make_camera(workcell, skill, state)
     taken: list[Image] = []
@@ -243,7 +246,8 @@ def film_skill(
 
 def _make_camera(workcell: Workcell, skill: Skill, state: State) -> PaintedCamera:
     motions = plan_linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
-    x_m, y_m, z_m = motions[-1].tip
+    turn = workcell.fastenings.find_turn(skill, state)
+    x_m, y_m, z_m = motions[-1].tip if turn is None else turn.pivot.position
     view = View.close_up((x_m, y_m, z_m + 0.05))
     # An execution without pictures does not load the painter.
     from skillplan_simulation.pictures.painted_camera import PaintedCamera
