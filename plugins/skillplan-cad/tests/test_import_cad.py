@@ -46,7 +46,8 @@ def registered(monkeypatch, tmp_path):
 def made(tmp_path_factory):
     """Return what an import wrote, once for all that only look at it."""
     folder = tmp_path_factory.mktemp("imported") / "product"
-    import_cad.import_cad(SOURCE, str(folder), {"keep": False}, lambda line: None, draw_import)
+    given = {"keep": False, "nests": True}
+    import_cad.import_cad(SOURCE, str(folder), given, lambda line: None, draw_import)
     return folder
 
 
@@ -85,6 +86,18 @@ def test_a_page_shows_the_product_and_what_was_found(made):
     assert not re.search(r'(src|href)="(?!#|data:)', page)
 
 
+def test_nests_for_the_plan_are_written_and_drawn_on_the_page(made):
+    """One, as the product is not turned."""
+    (nest,) = json.loads((made / "report.json").read_text("utf-8"))["nests"]
+    assert nest["check"]["good"]
+    assert nest["parts"] == ["block"]
+    names = {"nest_1.stl", "nest_1.obj", "nest_1.pieces.obj", "nest_1.png"}
+    assert {path.name for path in (made / "nests").iterdir()} == names
+    page = (made / "import.html").read_text("utf-8")
+    assert ">Nests</h2>" in page
+    assert "nest_1 for block, from above and in section." in page
+
+
 @pytest.mark.slow(reason="imports twice; a relation that was written is read in every run")
 def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, made, capsys):
     """Kept or made, by any number of processes; a change reruns what follows.
@@ -94,11 +107,14 @@ def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, ma
     messages = []
     calls = ([], ["--jobs", "2"], ["--threads", "solid"], ["--robot", "ur5e"])
     for number, more in enumerate(calls):
-        assert run(["import-cad", SOURCE, "--out", str(tmp_path / str(number)), *more]) == 0
+        assert (
+            run(["import-cad", SOURCE, "--out", str(tmp_path / str(number)), "--nests", *more]) == 0
+        )
         messages.append(capsys.readouterr().err)
     for path in (tmp_path / "cache" / "import-cad").iterdir():
         path.write_bytes(path.read_bytes()[:-1])
-    assert run(["import-cad", SOURCE, "--out", str(tmp_path / "4"), "--jobs", "2"]) == 0
+    words = ["--out", str(tmp_path / "4"), "--nests", "--jobs", "2"]
+    assert run(["import-cad", SOURCE, *words]) == 0
     assert "kept from" not in capsys.readouterr().err
     first, *others = (contents(folder) for folder in (made, *(tmp_path / n for n in "014")))
     assert {"relation.json", "report.json", "exploded.png", "product.yaml"} < first.keys()

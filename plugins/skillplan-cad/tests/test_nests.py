@@ -3,19 +3,36 @@
 import json
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 import trimesh
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skillplan.cli import run
+from skillplan.plugins import installed
 from skillplan_cad import KeepFree, NestSettings, build_jaws, build_nest
 from skillplan_cad import check_nest as check_densely
+from skillplan_cad.nests import make_nest
 
+SCHEMA = Path(__file__).parents[3] / "docs/reference/documents/nest.yaml"
 check_nest = partial(check_densely, most=1500)
 PLUS_X = (1.0, 0.0, 0.0)
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch):
+    """Let the command find the plugin, wherever it is installed."""
+
+    class Entry:
+        name, value, dist = "nest", "skillplan_cad.nests.make_nest:make_nest", None
+        load = partial(getattr, make_nest, "make_nest")
+
+    monkeypatch.setattr(installed, "importers", lambda: [Entry()])
 
 
 def box(size_mm, centre_mm=(0, 0, 0)):
@@ -155,6 +172,7 @@ def test_the_command_writes_what_passed_its_check_only(part_file, tmp_path, caps
     document = json.loads(capsys.readouterr().out)
     (nest,) = document["nests"]
     assert document["good"]
+    jsonschema.validate(document, yaml.safe_load(SCHEMA.read_text("utf-8")))
     assert nest["check"]["least_gap_mm"] >= 0.2
     printed = trimesh.load(out / "nest.stl")
     assert printed.is_watertight
@@ -165,6 +183,47 @@ def test_the_command_writes_what_passed_its_check_only(part_file, tmp_path, caps
     assert run(["nest", str(part_file), "--unit", "mm", "--out", str(out), *tips]) == 1
     assert "not good: the part tips" in capsys.readouterr().out
     assert sorted(file.name for file in out.iterdir()) == ["nest.json", "nest.png"]
+
+
+TASK = """\
+kind: assembly
+name: nested
+robot: {{name: panda, home_m: [0.35, 0.0], safe_height_m: 0.22, travel_speed_m_per_s: 0.25}}
+tools: {{gripper: {{type: gripper, opening_m: 0.08, holder_m: [0.25, 0.4]}}}}
+initial_tool: gripper
+fixtures:
+  nest: {{meshes: [{{file: nest/nest.obj, pieces: nest/nest.pieces.obj}}], at_m: [0.5, 0.0]}}
+  supply: {{meshes: [{{file: nest/nest.obj, pieces: nest/nest.pieces.obj}}], at_m: [0.45, -0.25]}}
+parts:
+  plate:
+    tool: gripper
+    mass_kg: 0.05
+    meshes: [{{file: plate.stl, scale: 0.001}}]
+    grasp: {{closing_axis: y, depth_m: 0.006}}
+    start_m: {start}
+    start_on: supply
+    goal_m: {goal}
+    goal_on: nest
+collision: {{swept: }}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_part_goes_from_nest_to_nest_in_swept_and_both_engines(
+    part_file, tmp_path, capsys, engine
+):
+    """It stands in nothing else: on the table it would tip off its peg."""
+    words = ["--unit", "mm", "--depth", "13", "--out", str(tmp_path / "nest"), "--format", "json"]
+    assert run(["nest", str(part_file), *words]) == 0
+    seated_mm = json.loads(capsys.readouterr().out)["nests"][0]["seated_mm"]
+    x, y, z = (value / 1e3 for value in seated_mm)
+    goal, start = [0.5 + x, y, z], [0.45 + x, y - 0.25, z]
+    task = tmp_path / "task.yaml"
+    task.write_text(TASK.format(start=start, goal=goal))
+    words = ["--physics", engine, "--collision", "swept", "--format", "json"]
+    assert run(["search-optimal", str(task), *words]) == 0
+    assert json.loads(capsys.readouterr().out)["skills"] == ["pick(plate)", "place(plate)"]
 
 
 @pytest.mark.parametrize(

@@ -238,6 +238,15 @@ def command(
             rich_help_panel=PLANNING,
         ),
     ] = "auto",
+    nests: Annotated[
+        bool,
+        typer.Option(
+            "--nests",
+            help="Cut a nest to print for each orientation of the plan, checked by rays, with "
+            "drawings; see `skillplan nest`.",
+            rich_help_panel=PLANNING,
+        ),
+    ] = False,
     jobs: Jobs = 1,
     no_cache: Annotated[
         bool,
@@ -311,6 +320,7 @@ def command(
             "as_one": as_one,
             "density_kg_m3": density,
             "material": material,
+            "nests": nests,
             "jobs": jobs,
             "keep": not no_cache,
         },

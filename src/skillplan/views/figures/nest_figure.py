@@ -15,11 +15,14 @@ from skillplan.views.figures.picture import (
     Picture,
     shorten,
 )
+from skillplan.views.figures.solids import Point
 
 _Ring = Sequence[Sequence[float]]
 _WIDTH_PX, _MARGIN_PX, _SIDE_PX, _GAP_PX = 720.0, 26.0, 110.0, 74.0
 _MOST_TALL_PX = 420.0
 _PNG_SCALE = 2.5
+# Distance of the lines of a section.
+_HATCH_PX = 8.0
 _HEADING_PX, _LINE_PX = 22.0, 15.0
 # Opacity of the lowest and the highest material from above.
 _LOW_OPACITY, _HIGH_OPACITY = 0.15, 0.75
@@ -147,8 +150,10 @@ class _Drawing:
 
     def _draw_section(self) -> None:
         section = self.views["section"]
-        self._fill([self._side(ring) for ring in section["nest"]], "grey", 0.35)
-        self._fill([self._side(ring) for ring in section["nest"]], None, 1.0, hatch="////")
+        cut = [self._side(ring) for ring in section["nest"]]
+        self._fill(cut, "grey", 0.35)
+        for line in list_hatches(cut):
+            self.picture.line(line, "ink", 0.6)
         for ring in section["part"]:
             self.picture.polygon(self._side(ring), None, "blue", 1.4, dashed=True)
         width_mm, _, height_mm = self.nest["size_mm"]
@@ -165,12 +170,11 @@ class _Drawing:
     def _fill(
         self,
         rings: Sequence[Sequence[tuple[float, float]]],
-        role: str | None,
+        role: str,
         opacity: float,
-        hatch: str | None = None,
     ) -> None:
         """Fill rings; those inside others are holes."""
-        self.picture.area(rings, role, "ink", 0.8, opacity=opacity, hatch=hatch)
+        self.picture.area(rings, role, "ink", 0.8, opacity=opacity)
 
     def _measure_width(self, view: Any, low: float, high: float, edge: float, away: float) -> None:
         """Draw the size between two places of x, below an edge."""
@@ -204,6 +208,25 @@ def _compute_area(ring: Any) -> float:
     return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
 
 
+def list_hatches(rings: Sequence[Sequence[Point]]) -> list[list[Point]]:
+    """Return parallel lines within an area between rings [px]."""
+    import shapely
+
+    area: Any = shapely.Polygon()
+    for ring in rings:
+        # Holes lie in the rings around them.
+        area = area.symmetric_difference(shapely.Polygon(ring))
+    if area.is_empty:
+        return []
+    left, top, right, bottom = area.bounds
+    high = bottom - top
+    starts = np.arange(left - high, right, _HATCH_PX)
+    lines = [shapely.LineString([(x, bottom), (x + high, top)]) for x in starts.tolist()]
+    cut = shapely.get_parts(shapely.intersection(lines, area))
+    cut = shapely.get_parts(cut[shapely.length(cut) > 0])
+    return [[*line.coords] for line in cut if line.geom_type == "LineString"]
+
+
 def choose_scale(fitting: float) -> float:
     """Return the largest usual scale of drawings that is at most a number."""
     usual = [share * 10.0**power for power in range(-4, 4) for share in (1, 2, 5)]
@@ -234,7 +257,7 @@ def list_nest_facts(nest: Mapping[str, Any]) -> list[str]:
     ]
     lines += [
         f"undercut: {undercut['part']} from {undercut['low_mm']:.3g} to {undercut['high_mm']:.3g} "
-        f"mm, {undercut['area_mm2']:.3g} mm2, not held by a wall"
+        f"mm, {undercut['area_mm2']:.4g} mm2, not held by a wall"
         for undercut in check["undercuts"]
     ]
     if check["good"]:

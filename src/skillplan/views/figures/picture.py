@@ -167,20 +167,12 @@ class Picture:
         width_px: float = 1.0,
         *,
         opacity: float = 1.0,
-        hatch: str | None = None,
     ) -> None:
-        """Draw an area between rings, whose holes run the other way; parameters as of `polygon`.
-
-        Parameters
-        ----------
-        hatch
-            Pattern of matplotlib in the colour of the stroke; None for none.
-        """
+        """Draw an area between rings, whose holes run the other way; parameters as of `polygon`."""
         if not rings:
             return
         path = Path.make_compound_path(*(Path([*ring, ring[0]], closed=True) for ring in rings))
-        patch = PathPatch(path, hatch=hatch)
-        self._add(patch, fill, stroke, width_px, False, opacity, None)
+        self._add(PathPatch(path), fill, stroke, width_px, False, opacity, None)
 
     def line(
         self,

@@ -1,4 +1,4 @@
-"""The page of a product from CAD: parts, reasons, blockings, fasteners, fits, and a playback."""
+"""The page of a product from CAD: parts, reasons, blockings, fasteners, fits, nests, playback."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from skillplan.views.figures.exploded_figure import (
     take_apart,
 )
 from skillplan.views.figures.exploded_labels import MOST_NAMED
+from skillplan.views.figures.nest_figure import draw_nest, list_nest_facts, render_nest_png
 from skillplan.views.figures.picture import COLOURS
 from skillplan.views.playback.document import Playback
 from skillplan.views.playback.meshes import coarsen
@@ -45,8 +46,12 @@ _MOST_BLOCKERS = 12
 def draw_import(
     document: _Document, relation: _Document, added: Sequence[AddedBody]
 ) -> dict[str, str | bytes]:
-    """Return the exploded view and the page of a product as files; parameters as of the page."""
+    """Return exploded view, page and drawings of nests as files; parameters as of the page."""
+    drawings = {
+        f"nests/{nest['name']}.png": render_nest_png(nest) for nest in document.get("nests", [])
+    }
     return {
+        **drawings,
         "exploded.png": render_exploded_png(document["product"], added),
         "import.html": render_import_page(document, relation, added),
     }
@@ -74,6 +79,7 @@ def render_import_page(document: _Document, relation: _Document, added: Sequence
         _build_blockings(document, relation),
         _build_fasteners(relation),
         _build_overlaps(document),
+        *_build_nests(document),
         _build_remarks(document),
     ]
     tree = _build_tree([part["name"] for part in document["parts"]])
@@ -382,6 +388,19 @@ def _build_overlaps(document: _Document) -> Section:
         inner.append(table("Parts that touch no other", columns, gaps, "  n"))
     content = join(inner) if inner else note("No parts overlap, and every part touches another.")
     return Section("overlaps", "Fits, overlaps and gaps", content)
+
+
+def _build_nests(document: _Document) -> list[Section]:
+    """Return the section of nests with their drawings; none without nests."""
+    nests = document.get("nests", [])
+    if not nests:
+        return []
+    inner = []
+    for nest in nests:
+        words = f"{nest['name']} for {', '.join(nest['parts'])}, from above and in section."
+        lines = tag("ul", {}, *(tag("li", {}, line) for line in list_nest_facts(nest)))
+        inner += [caption_picture(draw_nest(nest), nest["name"], words), lines]
+    return [Section("nests", "Nests", join(inner))]
 
 
 def _build_remarks(document: _Document) -> Section:

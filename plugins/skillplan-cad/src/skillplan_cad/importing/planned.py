@@ -19,6 +19,7 @@ from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.importing.summary import shorten_list
 from skillplan_cad.joints.fits import relieve_fits
+from skillplan_cad.nests.planned_nests import plan_nests
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, add_groups
 from skillplan_cad.planning.bearing import ATTITUDES, Bearing, find_bearing, find_best_bearing
 from skillplan_cad.planning.precedence import list_members
@@ -277,7 +278,7 @@ class Planned:
     added
         Bodies in order of assembly, for pictures.
     files
-        Contents of `product.yaml` and the meshes, if a part is left for the task.
+        Contents of `product.yaml` and the meshes, if a part is left for the task, and of nests.
     """
 
     relation: Relation
@@ -363,6 +364,12 @@ def plan_product(
         warnings += _list_task_warnings(task, document["pieces"])
     else:
         warnings.append("No part is left that one arm could place: no product.yaml is written.")
+    if settings.nests:
+        nests = plan_nests(findings.product, plan, writing)
+        document["nests"] = list(nests.entries)
+        files |= nests.files
+        lines += nests.lines
+        warnings += nests.warnings
     return Planned(
         add_groups(relation, plan),
         bool(task.document),

@@ -55,6 +55,8 @@ class ImportSettings:
         Density of the parts without a material, 1 to 30,000.
     material
         Materials of parts, as ``PATTERN=MATERIAL``.
+    nests
+        True to cut a nest for each orientation of the plan.
     keep
         True to cache stages on disk.
     """
@@ -78,6 +80,7 @@ class ImportSettings:
     not_fastener: tuple[str, ...] = ()
     density_kg_m3: float = STEEL_KG_M3
     material: tuple[str, ...] = ()
+    nests: bool = False
     jobs: int = 1
     keep: bool = True
 
