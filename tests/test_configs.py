@@ -93,6 +93,7 @@ def configs_expecting(key: str) -> pytest.MarkDecorator:
 def large(path: Path) -> list[pytest.MarkDecorator]:
     """Return the mark of what takes a second and more to plan."""
     if path.stem not in (
+        "cell_arrivals",
         "cell_grips",
         "cell_screws",
         "cell_shaft",

@@ -315,7 +315,8 @@ class FeederClock:
     def present(self, skill: Skill, now_s: float) -> float:
         """Return the time until a feeder presents the part of a skill, whose hand is above it [s].
 
-        Presented parts are a cycle apart. As equal parts are taken alike, so are the ends of picks.
+        A cycle passes between two parts. As equal parts are taken alike, it also passes between the
+        ends of two picks.
         """
         supply = skill.supply
         if supply is None or not supply.cycle_s:

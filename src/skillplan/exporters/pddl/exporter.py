@@ -471,7 +471,7 @@ class PddlExporter(Exporter):
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return what is left out: times of arrival, and skills with unknown verdicts."""
+        """Return that times of arrival and skills with unknown verdicts are left out."""
         left_out = self.planning_task(handover).left_out
         unknown = (f"never done where no verdict is known: {left_out}",) if left_out else ()
         return (*unknown, *note_arrivals(handover))

@@ -7,7 +7,7 @@ expansion, so most edges need no check. If costs come from a back end, an edge f
 bound; with its cost it returns to the queue, and is expanded if no other label can be cheaper.
 
 If parts arrive at a time and seconds cost, a label also has the time since the begin. The arm may
-wait, so a path to a state that is no later, no costlier apart from its time, and no longer than
+wait, so a path to a state that is no later, no costlier without its time, and no longer than
 another is as good in every continuation: the FIFO property of time-dependent networks (Kaufman and
 Smith, "Fastest paths in time-dependent networks for intelligent vehicle-highway systems
 application", 1993).
