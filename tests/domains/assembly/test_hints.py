@@ -54,6 +54,7 @@ def test_a_part_over_a_low_feeder_is_told_of_by_the_way_up():
         "size_m": None,
         "boxes": [
             {"size_m": [0.01, 0.06, 0.04], "centre_m": [-0.05, 0, 0.02]},
+            {"size_m": [0.01, 0.06, 0.04], "centre_m": [0.05, 0, 0.02]},
             {"size_m": [0.11, 0.06, 0.01], "centre_m": [0, 0, 0.045]},
         ],
     }

@@ -227,3 +227,23 @@ def test_a_head_rests_on_the_rim_of_a_real_hole_or_on_what_is_drawn_without_one(
         return
     with pytest.raises(TaskError, match=message):
         load_problem(path)
+
+
+SHELF = {"size_m": [0.10, 0.10, 0.05], "goal_m": [0.5, 0.0]}
+LONG = {"size_m": [0.20, 0.04, 0.01], "goal_m": [0.56, 0.0], "goal_on": "shelf"}
+
+
+def test_check_names_parts_that_tip_at_their_goals():
+    """Another part beneath its end bears it, or a holder keeps it."""
+    hints = list(AssemblyDomain().hints(config_of({"shelf": SHELF, "long": LONG})))
+    assert [hint.path for hint in hints] == [("parts", "long", "goal_m")]
+    (tipping,) = hints
+    assert tipping.message == (
+        "at its goal 'long' tips towards +x: nothing bears it on that side. A holder or a fit has "
+        "to keep it."
+    )
+    foot = {"size_m": [0.02, 0.04, 0.05], "goal_m": [0.64, 0.0]}
+    assert not list(AssemblyDomain().hints(config_of({"shelf": SHELF, "foot": foot, "long": LONG})))
+    holders = {"fork": {"kind": "hold", "parts": "long"}}
+    held = config_of({"shelf": SHELF, "long": LONG}, holders=holders)
+    assert not list(AssemblyDomain().hints(held))

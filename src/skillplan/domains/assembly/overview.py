@@ -12,7 +12,12 @@ from skillplan.domains.assembly.insertion import list_directions, measure_insert
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_meshes import list_moved_meshes, list_pieces
 from skillplan.domains.assembly.part_schema import FixtureConfig, PartConfig
-from skillplan.domains.assembly.resting import Rest, find_goal_rests, find_start_rests
+from skillplan.domains.assembly.resting import (
+    Rest,
+    find_goal_rests,
+    find_start_rests,
+    find_tipping_issues,
+)
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig, list_given_kinds
 from skillplan.domains.assembly.screw_holes import find_driving, find_shank
@@ -38,10 +43,11 @@ def find_assumptions(config: AssemblyConfig) -> Iterator[Issue]:
 
 
 def find_hints(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield parts too wide for a hand, parts that block a feeder, and dwells without effect."""
+    """Yield parts too wide for a hand, parts that block a feeder or tip, and idle dwells."""
     yield from _find_wide_grasps(config)
     yield from _find_blocked_feeders(config)
     yield from _find_idle_dwells(config)
+    yield from find_tipping_issues(config)
 
 
 def _find_idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:

@@ -111,6 +111,61 @@ def find_resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
                     yield replace(issue, message=f"{issue.message}{hint}")
 
 
+def find_tipping_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield parts that do not stand by themselves at the start or at their goals.
+
+    Parts that a fit, a holder or a workholder keeps are left out. A screw may keep others.
+    """
+    kept = {name for holder in config.holders.values() for name in holder.parts}
+    kept |= {name for name in config.parts if find_workholder(config, name) is not None}
+    kept |= {
+        name
+        for name, part in config.parts.items()
+        if part.fixed or any(fit.holds for fit in (part.fits or {}).values())
+    }
+    for stage in (_collect_starts(config), _collect_goals(config)):
+        for name in (key for key in config.moved_parts if key in stage.solids):
+            is_goal = stage.key == "goal"
+            reason = None if is_goal and name in kept else _find_fall(name, stage)
+            if reason is not None:
+                screws = [key for key, screw in config.screws.items() if screw.through == name]
+                until = f" until {screws[0]!r} is in" if is_goal and screws else ""
+                where = "its goal" if is_goal else "its start"
+                message = f"at {where} {reason}. A holder or a fit has to keep it{until}."
+                key = (
+                    f"{stage.key}_on"
+                    if stage.place(config.parts[name]) is None
+                    else f"{stage.key}_m"
+                )
+                yield Issue(message, ("parts", name, key))
+
+
+def _find_fall(name: str, stage: _Stage) -> str | None:
+    """Return the reason why a part does not stand on all others, or None."""
+    own = stage.solids[name]
+    others = {TABLE: get_table(), **stage.solids}
+    corners = [
+        corner
+        for other, solid in others.items()
+        if other != name
+        for face in own.contacts(solid)
+        for corner in face
+    ]
+    if is_supported(find_centre(own.shapes, own.pose), corners):
+        return None
+    # Imports numpy.
+    from skillplan.collision.standing import decide_standing, find_touches, weigh
+
+    touches = [
+        touch
+        for other, solid in others.items()
+        if other != name
+        for touch in find_touches({name: own, other: solid})
+    ]
+    standing = decide_standing({name: weigh(own, 1.0)}, touches, tilt_deg=0)
+    return None if standing.stands else standing.reason
+
+
 def find_buffer_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield parts that would be in a fixture, a fixed part or the table in a buffer, or float."""
     layout = get_layout(config)
