@@ -30,12 +30,24 @@ BOARDS = {
     for path in (STARTER, *sorted([*CONFIGS.glob("*.yaml"), *ROOT.glob("examples/*.yaml")]))
     if "\nkind: assembly" in path.read_text("utf-8")
 }
-# Boards of which the whole suite has a plan by pybullet: jaws, cups, screws, a press and feeders.
-BY_PYBULLET = ("starter", "cell_tools")
-# Boards of which the whole suite has none: others have the same kinds of skills.
-LONG = ("cell_alternatives", "cell_cost", "cell_fits", "cell_grips", "cell_screws", "cell_tray")
-LONG += ("cell_nut", "cell_two_tools", "drawer_module", "gear_unit", "gearbox")
-LONG += ("inverter_time", "mini_pc", "motor_drive", "pcb", "pump")
+# Boards of which the whole suite has a plan by an engine: jaws, cups, screws, a press, feeders,
+# zones and chance. All others are left to releases, new files too.
+IN_WHOLE_SUITE = {
+    "mujoco": (
+        "starter",
+        "battery_module",
+        "cell_tools",
+        "cell_zones",
+        "fixture_cell",
+        "inverter_board",
+        "inverter_grasps",
+        "inverter_ur5e",
+        "relay_rail",
+        "sensor_box",
+        "sensor_stack",
+    ),
+    "pybullet": ("starter", "cell_tools"),
+}
 PRODUCTS = (
     "battery_module",
     "drawer_module",
@@ -114,11 +126,7 @@ def executions() -> list[Any]:
             engine,
             marks=()
             if product == "starter" and engine == "mujoco"
-            else (
-                long
-                if product in LONG or (engine == "pybullet" and product not in BY_PYBULLET)
-                else whole
-            ),
+            else (whole if product in IN_WHOLE_SUITE[engine] else long),
         )
         for product in BOARDS
         for engine in ENGINES
@@ -149,7 +157,7 @@ def test_a_ur5e_builds_the_board_that_init_writes(engine):
             marks=()
             if product == "starter"
             else pytest.mark.release(reason="proved where its expected figures are")
-            if product in LONG or product.startswith("cell_")
+            if product not in IN_WHOLE_SUITE["mujoco"] or product.startswith("cell_")
             else pytest.mark.slow(reason="the starter in every run"),
         )
         for product in BOARDS
