@@ -57,6 +57,21 @@ def test_what_only_its_fit_holds_is_not_borne_and_neither_is_what_stands_on_it()
     assert "stands on ram alone, which nothing bears" in bearing.why_not["knob"].text
 
 
+def test_the_fewest_supports_hold_what_does_not_stay():
+    """The knob stands on the ram once that is held."""
+    knob = box(20, 20, 60, 40, 40, 65)
+    product = product_of(plate=PLATE, sleeve=SLEEVE, ram=RAM, knob=knob)
+    bearing = find_bearing(product, related(product), UP, holding=True)
+    assert bearing.order == ("plate", "sleeve", "ram", "knob")
+    assert bearing.held == ("ram",)
+    assert bearing.why_not == {}
+
+
+def test_what_stands_by_itself_is_not_held():
+    product = product_of(plate=PLATE, sleeve=SLEEVE)
+    assert find_bearing(product, related(product), UP, holding=True).held == ()
+
+
 FRAME = box(0, 0, 0, 60, 40, 40) - box(10, -1, 10, 50, 41, 41)
 LYING = rod(0, 0, 0, 5, 60).rotate([0, 90, 0]).translate([0, 20, 25])
 

@@ -175,6 +175,15 @@ def command(
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
+    no_holders: Annotated[
+        bool,
+        typer.Option(
+            "--no-holders",
+            help="Leave out parts that do not stay where they are put, instead of holding them by "
+            "supports of their own.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = False,
     thickness: Annotated[
         float | None,
         typer.Option(
@@ -322,6 +331,7 @@ def command(
             "material": material,
             "nests": nests,
             "jobs": jobs,
+            "holding": not no_holders,
             "keep": not no_cache,
         },
         lambda line: tell(f"skillplan: {line}"),

@@ -183,11 +183,12 @@ class _Grounding:
                 HAND_FREE,
                 f"at({HOME})",
                 *([FIXED] if config.fixtures else []),
+                *(name_holding(n, h.parts[0]) for n, h in config.holders.items() if h.stays),
                 *(
                     name_turned(name, next(iter(entry.orientations)))
                     for name, entry in config.workholders.items()
                 ),
-                *map(name_open, config.holders),
+                *(name_open(name) for name, h in config.holders.items() if not h.stays),
             ),
             goal=Condition(facts.of(*goal), facts.none),
             metric=make_metric(config.cost),

@@ -269,7 +269,7 @@ class AssemblyConfig(Strict):
         exclude_if=is_empty,
         description="stations by name that carry the product and turn it; left out: none",
     )
-    holders: Annotated[dict[Name, HolderConfig], Field(max_length=32)] = Field(
+    holders: Annotated[dict[Name, HolderConfig], Field(max_length=256)] = Field(
         {},
         exclude_if=is_empty,
         description="clamps and passive holders by name, which keep parts in place; left out: none",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from skillplan.domains.assembly.part_schema import Names
 from skillplan.domains.assembly.schema_types import (
@@ -16,6 +16,7 @@ from skillplan.domains.assembly.schema_types import (
     make_point,
 )
 from skillplan.domains.domain import Name, Strict
+from skillplan.files.schema_errors import Located
 from skillplan.task.pose import Point, Pose
 
 _TURN_S = 5.0
@@ -26,6 +27,10 @@ _EXACT = 1e-6
 
 def _is_true(value: bool) -> bool:
     return value
+
+
+def _is_false(value: bool) -> bool:
+    return not value
 
 
 class OrientationConfig(Strict):
@@ -122,3 +127,17 @@ class HolderConfig(Strict):
         description="true: it turns along with the workholder that carries its parts; false: it "
         "stands in the world, holds in the first orientation only, and what it holds cannot turn",
     )
+    stays: bool = Field(
+        False,
+        exclude_if=_is_false,
+        description="true: it is set for its one part from the start, as a support or a nest, and "
+        "stays, so it has no skills; left out: skills set and release it",
+    )
+
+    @model_validator(mode="after")
+    def _stays_for_one(self) -> HolderConfig:
+        if self.stays and self.kind == "clamp":
+            raise Located("a clamp closes on a part that is placed. Give kind hold.", "stays")
+        if self.stays and len(self.parts) > 1:
+            raise Located("it stays for one part. Give each a holder of its own.", "parts")
+        return self

@@ -95,9 +95,14 @@ def find_holder_workholder(config: AssemblyConfig, holder: str) -> str | None:
 
 
 def list_holds(config: AssemblyConfig) -> Iterator[tuple[str, str, str]]:
-    """Yield each holder with a part that it can hold, and the suffix of the skills' names."""
+    """Yield each holder with a part that it can hold, and the suffix of the skills' names.
+
+    Holders that stay have no skills.
+    """
     seen: set[str] = set()
     for name, holder in config.holders.items():
+        if holder.stays:
+            continue
         for part in holder.parts:
             yield name, part, f":{name}" if part in seen else ""
             seen.add(part)

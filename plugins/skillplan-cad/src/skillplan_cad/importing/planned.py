@@ -189,11 +189,13 @@ def _mm(value_m: float) -> float:
 AUTO = "auto"
 
 
-def choose_attitude(product: Product, relation: Relation, up: str) -> Bearing:
+def choose_attitude(
+    product: Product, relation: Relation, up: str, *, holding: bool = False
+) -> Bearing:
     """Return the supports with an axis of the file up, or with the best of them for `auto`."""
     if up == AUTO:
-        return find_best_bearing(product, relation)
-    return find_bearing(product, relation, ATTITUDES[up])
+        return find_best_bearing(product, relation, holding=holding)
+    return find_bearing(product, relation, ATTITUDES[up], holding=holding)
 
 
 def build_attitude_document(bearing: Bearing) -> dict[str, Any]:
@@ -201,6 +203,7 @@ def build_attitude_document(bearing: Bearing) -> dict[str, Any]:
     return {
         "up": name_up_axis(bearing),
         "stands": [{"part": name, "on": list(bearing.on[name])} for name in bearing.order],
+        "held": list(bearing.held),
     }
 
 
@@ -216,7 +219,10 @@ def list_attitude_warnings(
             f"{up} points up, as then {stand} of {count} parts stand by themselves and the arm "
             "brings most; --up sets another."
         )
-    best = bearing if requested == AUTO else find_best_bearing(product, relation)
+    holding = bool(bearing.held)
+    best = bearing
+    if requested != AUTO:
+        best = find_best_bearing(product, relation, holding=holding)
     if len(best.order) > stand:
         warnings.append(
             f"with {up} up {stand} of {count} parts stand by themselves; with --up "
@@ -311,7 +317,7 @@ def plan_product(
     watch = watch or Watch()
     writing = writing or watch
     product, relation = findings.relieved, findings.relation
-    bearing = choose_attitude(product, relation, settings.up)
+    bearing = choose_attitude(product, relation, settings.up, holding=settings.holding)
     plan, again = _plan_and_replay(path, findings, settings, bearing, watch)
     tolerance_m = settings.tolerance_mm / 1000
     document: dict[str, Any] = {"plan": build_plan_document(plan, again, relation)}
@@ -331,7 +337,7 @@ def plan_product(
     )
     without |= stuck | list_loose_nuts(relation)
     if without:
-        bearing = find_bearing(product, relation, bearing.up, without)
+        bearing = find_bearing(product, relation, bearing.up, without, holding=settings.holding)
     joints = findings.joints
     loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
     remarks = {
@@ -347,10 +353,20 @@ def plan_product(
         if arm != DEFAULT_ARM:
             lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
     ups = ATTITUDES.values() if settings.up == AUTO else ()
-    others = (find_bearing(product, relation, up, without) for up in ups)
+    others = (find_bearing(product, relation, up, without, holding=settings.holding) for up in ups)
     longer = LONG_ARM if settings.robot == AUTO_ARM else None
     task = build_task(
-        loose, relation, plan, arm, bearing, without, remarks, others, writing, longer
+        loose,
+        relation,
+        plan,
+        arm,
+        bearing,
+        without,
+        remarks,
+        others,
+        writing,
+        longer,
+        holding=settings.holding,
     )
     if task.document and task.document["robot"]["model"] != arm:
         lines.append(f"arm {LONG_ARM}: it brings parts that are out of reach of {arm}")

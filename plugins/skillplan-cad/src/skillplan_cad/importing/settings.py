@@ -57,6 +57,8 @@ class ImportSettings:
         Materials of parts, as ``PATTERN=MATERIAL``.
     nests
         True to cut a nest for each orientation of the plan.
+    holding
+        True if parts that do not stay where they are put may be held by supports of their own.
     keep
         True to cache stages on disk.
     """
@@ -82,6 +84,7 @@ class ImportSettings:
     material: tuple[str, ...] = ()
     nests: bool = False
     jobs: int = 1
+    holding: bool = True
     keep: bool = True
 
     def __post_init__(self) -> None:

@@ -1,14 +1,15 @@
 """Find the supports and the order in which one arm places the parts, without turning the product.
 
 The arm releases a placed part, so contact forces of the table and of parts placed before must keep
-it there. The order is found backwards: a part is taken away upwards or sideways as soon as no other
-is in its way and no other needs it. A part that is never free in this way is left out.
+it there, or else a support of its own, if those are allowed: as few as can be. The order is sought
+backwards: a part is taken away upwards or sideways as soon as no other is in its way and no other
+needs it. A part that is never free in this way is left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ _SHOWN = 3
 _SIDEWAYS, _ALONG = 1e-3, 0.999
 # Largest number of parts that are tried one by one for leaving out.
 _MOST_TRIED = 40
+# Largest number of parts that are compared for holding.
+_MOST_HELD = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +64,9 @@ class Bearing:
         Reasons why the other parts that a hand brings are left out.
     undriven
         Reasons why screws and nuts are left out.
+    held
+        Parts that supports of their own hold where they are, screws and nuts that they keep from
+        turning included.
     """
 
     up: Vector
@@ -68,6 +74,7 @@ class Bearing:
     on: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     why_not: Mapping[str, LeftOut] = field(default_factory=dict)
     undriven: Mapping[str, LeftOut] = field(default_factory=dict)
+    held: tuple[str, ...] = ()
 
 
 def find_bearing(
@@ -76,6 +83,8 @@ def find_bearing(
     up: Vector,
     absent: Collection[str] = (),
     equilibrium: Equilibrium | None = None,
+    *,
+    holding: bool = False,
 ) -> Bearing:
     """Return the supports and the order of the parts that one arm brings, in one orientation.
 
@@ -88,31 +97,66 @@ def find_bearing(
         Names of parts that are not there.
     equilibrium
         Contact forces of the product, which orientations share.
+    holding
+        True if parts that do not stay may be held by supports of their own.
     """
     forces = equilibrium or Equilibrium(product, relation)
-    return _Standing(product, relation, up, forces, absent).best()
+    return _Standing(product, relation, up, forces, absent, holding).best()
+
+
+def hold_mates(relation: Relation, up: Vector) -> Relation:
+    """Return a relation in which one of each bolt and nut is held from turning.
+
+    The other one, from above, is driven.
+    """
+    mates: set[str] = set()
+    for name in sorted(relation.driven, key=relation.index):
+        if find_driven_mate(relation, name, relation.driven - mates, up) is not None:
+            mates.add(name)
+    fasteners = tuple(
+        replace(fastener, held=True) if fastener.part in mates else fastener
+        for fastener in relation.fasteners
+    )
+    return replace(relation, fasteners=fasteners) if mates else relation
+
+
+def find_driven_mate(
+    relation: Relation, name: str, driven: Collection[str], up: Vector
+) -> str | None:
+    """Return the driven one of a bolt and its nut if it is not this one.
+
+    One arm turns one of them: the bolt, unless it comes from below.
+    """
+    fastener = relation.fastener(name)
+    assert fastener is not None
+    level = -_SIDEWAYS if fastener.kind == "nut" else _SIDEWAYS
+    for mate in fastener.threaded_in:
+        other = relation.fastener(mate)
+        if mate in driven and other is not None and float(np.dot(other.axis, up)) > level:
+            return mate
+    return None
 
 
 def find_best_bearing(
-    product: Product, relation: Relation, absent: Collection[str] = ()
+    product: Product, relation: Relation, absent: Collection[str] = (), *, holding: bool = False
 ) -> Bearing:
     """Return the orientation in which most parts are placed, by number and mass.
 
-    Both shares count the same; ties go to the first.
+    Both shares count the same; ties go to the one with the fewest supports, then to the first.
     """
     forces = Equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
     driven = relation.driven - set(absent)
     best: Bearing | None = None
-    best_key = 0.0
+    best_key = (0.0, 0)
     for up in ATTITUDES.values():
-        bearing = find_bearing(product, relation, up, absent, forces)
+        bearing = find_bearing(product, relation, up, absent, forces, holding=holding)
         count = len(bearing.order) + len(driven - bearing.undriven.keys())
         mass = sum(masses[name] for name in bearing.order) / sum(masses.values())
-        key = round(count / len(product) + mass, 6)
+        key = (round(count / len(product) + mass, 6), -len(bearing.held))
         if best is None or key > best_key:
             best, best_key = bearing, key
-        if not best.why_not and not best.undriven:
+        if not (best.why_not or best.undriven or best.held):
             break
     assert best is not None
     return best
@@ -142,11 +186,19 @@ class _Standing:
         up: Vector,
         equilibrium: Equilibrium,
         absent: Collection[str],
+        holding: bool,
     ) -> None:
+        given = relation
+        relation = hold_mates(relation, up) if holding else relation
+        self._holding, self._held = holding, set[str]()
         self._up, self._vector, self._plan = up, np.asarray(up), find_axes_across(up)
         self._product, self._relation, self._equilibrium = product, relation, equilibrium
         self._absent = set(absent)
         self._driven = {name for name in relation.driven if name not in self._absent}
+        # Without a pocket, these turn unless they are held.
+        self._turning = {
+            fastener.part for fastener in relation.fasteners if fastener.held and holding
+        } - {fastener.part for fastener in given.fasteners if fastener.held}
         self._parts = {
             part.name: part
             for part in product
@@ -200,7 +252,50 @@ class _Standing:
                 if len(bearing.order) > len(best.order):
                     best = bearing
             present = {name for name in present if self._lowest[name] > ground + _TOUCH_M}
+        if self._holding and (best.why_not or self._turning):
+            ground = min(self._lowest.values(), default=0.0)
+            # What touches nothing may be a mistake, and is told.
+            near = {name for name in self._parts if self._touched[name]}
+            near |= self._find_supported(self._parts, ground).keys()
+            borne = self._support(near, ground)
+            bearing = self._order(borne, ground, undriven)
+            if len(bearing.order) > len(best.order) - bool(self._turning):
+                return bearing
         return best
+
+    def _support(self, present: set[str], ground: float) -> dict[str, tuple[str, ...]]:
+        """Return the supported parts, each after its supports; hold parts that do not stay.
+
+        The part that lets most others stand is held next, the heaviest of several. Then each hold
+        without which all stand is given up.
+        """
+        if not self._holding:
+            return self._find_supported(present, ground)
+        self._held = self._turning & present
+        borne = self._find_supported(present, ground)
+        while len(borne) < len(present):
+            masses = {n: self._parts[n].mass_kg for n in present if n not in borne}
+            near = [n for n in masses if any(self._touches(n, other) for other in borne)]
+            tried = sorted(near or masses, key=lambda n: (-masses[n], n))[:_MOST_HELD]
+            stand: dict[str, dict[str, tuple[str, ...]]] = {}
+            for name in tried:
+                self._held.add(name)
+                stand[name] = self._find_supported(present, ground)
+                self._held.discard(name)
+            name = max(tried, key=lambda n: len(stand[n]))
+            self._held.add(name)
+            borne = stand[name]
+        for name in sorted(self._held - self._turning, key=self._numbers.__getitem__):
+            self._held.discard(name)
+            fewer = self._find_supported(present, ground)
+            if len(fewer) == len(present):
+                borne = fewer
+            else:
+                self._held.add(name)
+        return borne
+
+    def _touches(self, name: str, other: str) -> bool:
+        return bool(self._touched[name] >> self._numbers[other] & 1)
 
     def _find_undriven(self) -> dict[str, LeftOut]:
         """Return the screws and nuts that are driven from below."""
@@ -208,7 +303,7 @@ class _Standing:
         undriven = {}
         for name in sorted(self._driven, key=self._numbers.__getitem__):
             is_below = float(np.dot(self._get_axis(name), self._vector)) < -_SIDEWAYS
-            mate = self._find_driven_mate(name)
+            mate = find_driven_mate(self._relation, name, self._driven, self._up)
             if mate is not None:
                 why = (
                     f"is on {mate}, which is driven, and no pocket keeps it from turning: a nest "
@@ -218,19 +313,6 @@ class _Standing:
             elif is_below:
                 undriven[name] = LeftOut(name, "from below", words)
         return undriven
-
-    def _find_driven_mate(self, name: str) -> str | None:
-        """Return the driven one of a bolt and its nut if it is not this one.
-
-        One arm turns one of them: the bolt, unless it comes from below.
-        """
-        fastener = self._relation.fastener(name)
-        assert fastener is not None
-        level = -_SIDEWAYS if fastener.kind == "nut" else _SIDEWAYS
-        for mate in fastener.threaded_in:
-            if mate in self._driven and float(np.dot(self._get_axis(mate), self._vector)) > level:
-                return mate
-        return None
 
     def _get_axis(self, name: str) -> Vector:
         fastener = self._relation.fastener(name)
@@ -255,7 +337,9 @@ class _Standing:
                 return supports_of
 
     def _stays(self, name: str, standing: int, ground: float) -> bool:
-        """Return whether the table and parts that stand keep a part in place."""
+        """Return whether a support, the table or parts that stand keep a part in place."""
+        if name in self._held:
+            return True
         grounded = self._lowest[name] < ground + _TOUCH_M
         key = (name, standing & self._touched[name], grounded)
         if key not in self._known:
@@ -307,7 +391,7 @@ class _Standing:
             reasons[name] = self._explain_closed_in(name, left)
             kept.pop(name, None)
             there = {other for other in kept if other not in reasons}
-            kept = self._find_supported(there, ground)
+            kept = self._support(there, ground)
         order = [name for name in reversed(removed) if name in kept]
         standing: dict[str, tuple[str, ...]] = {}
         for name in order:
@@ -315,7 +399,8 @@ class _Standing:
         why_not = {name: reason for name, reason in reasons.items() if name in self._parts}
         why_not = self._explain_all(standing, why_not)
         undriven = {name: reason for name, reason in reasons.items() if name in self._driven}
-        return Bearing(self._up, tuple(order), standing, why_not, undriven)
+        held = tuple(name for name in order if name in self._held)
+        return Bearing(self._up, tuple(order), standing, why_not, undriven, held)
 
     def _rank(self, kept: Collection[str]) -> dict[str, int]:
         """Return the parts before each part: supports must not bear each other in a circle."""

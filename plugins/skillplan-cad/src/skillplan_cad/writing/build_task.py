@@ -13,6 +13,7 @@ from skillplan_cad.planning.bearing import (
     Bearing,
     find_bearing,
     find_best_bearing,
+    hold_mates,
     list_required,
 )
 from skillplan_cad.planning.watch import Watch
@@ -46,6 +47,8 @@ def build_task(
     others: Iterable[Bearing] | None = None,
     watch: Watch | None = None,
     longer: str | None = None,
+    *,
+    holding: bool = False,
 ) -> WrittenTask:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
@@ -70,20 +73,22 @@ def build_task(
         Progress reports, and requests to stop: parts that were not tried then are left out.
     longer
         Another arm, tried in the best orientation if parts are out of reach; None for none.
+    holding
+        True if parts that do not stay may be held by supports of their own, as in `bearing`.
     """
     watch = watch or Watch()
     cuts = Cuts(product)
 
     def build(bearing: Bearing, arm: str, least: float = 0.0) -> WrittenTask:
         with TaskTrials(watch) as trials:
-            builder = _TaskBuilder(product, relation, plan, arm, bearing, remarks or {})
+            builder = _TaskBuilder(product, relation, plan, arm, bearing, remarks or {}, holding)
             return builder.build(absent, cuts, trials, watch, least)
 
     absent = dict(without or {})
     if others is None:
         ups = () if bearing is not None else ATTITUDES.values()
-        others = (find_bearing(product, relation, up, absent) for up in ups)
-    first = bearing or find_best_bearing(product, relation, absent)
+        others = (find_bearing(product, relation, up, absent, holding=holding) for up in ups)
+    first = bearing or find_best_bearing(product, relation, absent, holding=holding)
     best = build(first, robot)
     most = _weigh(product, best.names)
     enough = _ENOUGH * _weigh(product, _list_promised(relation, first))
@@ -104,7 +109,11 @@ def build_task(
     far = [name for name, reason in best.left_out.items() if reason.kind == "unreachable"]
     if longer is not None and longer != robot and far and not watch.must_stop():
         up = best.bearing.up
-        again = first if first.up == up else find_bearing(product, relation, up, absent)
+        again = (
+            first
+            if first.up == up
+            else find_bearing(product, relation, up, absent, holding=holding)
+        )
         task = build(again, longer, most)
         if _weigh(product, task.names) > most:
             best = task
@@ -154,7 +163,10 @@ class _TaskBuilder:
         robot: str,
         bearing: Bearing,
         remarks: Mapping[str, str],
+        holding: bool,
     ) -> None:
+        self._holding, self._given = holding, relation
+        relation = hold_mates(relation, bearing.up) if holding else relation
         self._product, self._relation, self._plan = product, relation, plan
         self._robot, self._bearing, self._remarks = robot, bearing, remarks
         self._indirect = find_indirect_parts(plan)
@@ -246,7 +258,11 @@ class _TaskBuilder:
         if reasons:
             self._absent |= reasons
             self._bearing = find_bearing(
-                self._product, self._relation, self._bearing.up, self._absent
+                self._product,
+                self._given,
+                self._bearing.up,
+                self._absent,
+                holding=self._holding,
             )
 
     def _judge(

@@ -37,6 +37,24 @@ from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
 from skillplan_cad.writing.upright import Upright, place_upright
 
 _LONGEST = 64
+# Widths across flats of nuts by size (ISO 4032) [mm], and how far a thread may be from a size [-].
+_FLATS_MM: Mapping[str, float] = {
+    "M2": 4.0,
+    "M2.5": 5.0,
+    "M3": 5.5,
+    "M4": 7.0,
+    "M5": 8.0,
+    "M6": 10.0,
+    "M8": 13.0,
+    "M10": 16.0,
+    "M12": 18.0,
+}
+_NEAR_SIZE = 0.08
+# Socket on a short spindle, as long as a hand [m].
+_SPINDLE = {
+    "bit_length_m": 0.05,
+    "body": {"boxes": [{"size_m": [0.03, 0.03, 0.062], "centre_m": [0.0, 0.0, 0.031]}]},
+}
 
 
 def assign_task_names(names: Iterable[str], taken: Iterable[str] = ()) -> Mapping[str, str]:
@@ -80,7 +98,7 @@ _SPREAD_RAD = math.radians(110)
 HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
 FURTHER_HOLDERS: tuple[Place, ...] = (
     *((0.12, 0.50), (0.04, 0.50), (-0.04, 0.50)),
-    *((-0.13, 0.50), (-0.24, 0.50)),
+    *((-0.13, 0.50), (-0.24, 0.50), (-0.32, 0.50), (-0.40, 0.50)),
 )
 # Place of the tip at the start, as a share of the arm's reach; and the least of it [m].
 _HOME, _HOME_M = 0.3, 0.35
@@ -220,6 +238,8 @@ def _mask_fitting(
 
 
 DRIVER = "screwdriver"
+# For nuts that go over standing bolts, by size.
+SOCKETS = ("socket", "socket_2")
 
 # Meshes of a part: vertices [m] and triangles of each.
 Meshes = tuple[tuple[Points, Triangles], ...]
@@ -259,7 +279,7 @@ def compute_safe_height_m(
 
 _HOLDER_OF: Mapping[str, Place] = dict(
     zip(
-        (GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP, WIDE_CUP, HEAVY_CUP),
+        (GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP, WIDE_CUP, HEAVY_CUP, *SOCKETS),
         (*HOLDERS, *FURTHER_HOLDERS),
         strict=True,
     )
@@ -280,7 +300,8 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
         masses_kg = [entry["mass_kg"] for entry in entries if entry.get("tool") == name]
         if not masses_kg:
             continue
-        kind = "screwdriver" if name == DRIVER else "suction" if name in CUPS_M else "gripper"
+        drives = name in (DRIVER, *SOCKETS)
+        kind = "screwdriver" if drives else "suction" if name in CUPS_M else "gripper"
         tools[name] = {"type": kind, "holder_m": list(holder)}
         if kind == "gripper":
             tools[name]["opening_m"] = hand.opening_m
@@ -289,6 +310,9 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
             tools[name]["jaw_profile_m"] = [list(row) for row in TIPS_PROFILE_M]
         if name in CUPS_M and name != CUP:
             tools[name]["cup_diameter_m"] = CUPS_M[name]
+        if name in SOCKETS:
+            nut = next(entry for entry in entries if entry.get("tool") == name)
+            tools[name] |= {"socket_m": _FLATS_MM[nut["size"]] / 1e3, **_SPINDLE}
     return tools
 
 
@@ -490,6 +514,13 @@ def build_screw_entry(
     return entry
 
 
+def find_size(diameter_m: float) -> str | None:
+    """Return the size of a metric thread by its diameter, or None if it is near none."""
+    size = min(_FLATS_MM, key=lambda size: abs(float(size[1:]) / 1e3 - diameter_m))
+    known_m = float(size[1:]) / 1e3
+    return size if abs(known_m - diameter_m) <= _NEAR_SIZE * known_m else None
+
+
 def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
     """Return the position of a fastener's head contact along its axis [m].
 
@@ -516,6 +547,7 @@ _MOST_DIRECTIONS = 3
 _LEAST_STROKE_M, _CLEAR_STROKE_M, _TOUCH_M = 0.01, 0.005, 2e-4
 _BELOW_SHANK_M = 0.01
 _COMMENT_WIDTH = 98
+_HELD = "is held where it is put by a support of its own, the shape of which is not in the task"
 
 _HEADER = """\
 # yaml-language-server: $schema=assembly.schema.json
@@ -604,6 +636,7 @@ class TaskWriter:
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
     gripped: list[Part] = field(init=False)
+    _sockets: dict[str, str] = field(init=False, default_factory=dict)
     places: Places = field(init=False)
     upright: Upright = field(init=False)
 
@@ -620,6 +653,8 @@ class TaskWriter:
         self.gripped = [part for part in self.kept if not self._get_driven(part)]
         known, up, fixed = taken | set(self.names.values()), self.bearing.up, self.holds.fixed
         tools = {self.holds.held(p.name).tool for p in self.gripped if p.name not in fixed}
+        if any(fastener.kind == "nut" for fastener in self.relation.fasteners):
+            tools |= {*SOCKETS}
         self.places = lay_out_parts(
             self.kept, self.gripped, self.names, known, up, self.robot, fixed, tools
         )
@@ -640,6 +675,9 @@ class TaskWriter:
         up, names = self.bearing.up, self.names
         for name, words in list_plan_limits(self.product, self.plan, up, names):
             self._note(name, words)
+        for name in self.bearing.held:
+            if name in self.names:
+                self._note(name, _HELD)
         for name in self.names:
             for notes in (self.remarks, self.holds.fixed):
                 if name in notes:
@@ -704,12 +742,24 @@ class TaskWriter:
             "feeders": self._feeders(),
             "parts": parts,
             "screws": screws,
+            "holders": self._build_holders(parts),
             "collision": {"swept": None},
         }
         document = {key: value for key, value in document.items() if value not in ({}, None)}
         if GRIPPER not in document["tools"]:
             document["initial_tool"] = next(iter(document["tools"]))
         return document
+
+    def _build_holders(self, parts: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a support for each part that does not stay by itself."""
+        names = [self.names[name] for name in self.bearing.held if name in self.names]
+        held = [name for name in names if name in parts]
+        taken = {*self.names.values(), *_HOLDER_OF, *self.places.feeders.values()}
+        supports = assign_task_names((f"hold_{name}" for name in held), taken)
+        return {
+            supports[f"hold_{name}"]: {"kind": "hold", "parts": [name], "stays": True}
+            for name in held
+        }
 
     def _count_parts(self) -> str:
         count, all_of_them = len(self.kept), len(self.product)
@@ -843,7 +893,11 @@ class TaskWriter:
         return [list(way) for way in (first, *others)][:_MOST_DIRECTIONS]
 
     def _build_screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
-        lies = [join for join in fastener.joins if self._get_driven(self._get_part(join)) is None]
+        lies = [
+            join
+            for join in fastener.joins
+            if self._get_driven(self._get_part(join)) is None and join not in fastener.threaded_in
+        ]
         missing = [join for join in fastener.joins if join not in self.names]
         if missing:
             self._note(part.name, f"is put in without {' and '.join(missing)}")
@@ -851,7 +905,21 @@ class TaskWriter:
         entry = build_screw_entry(part, fastener, self.relation, self.upright)
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
-        return {"tool": DRIVER, "through": through, **entry, **fed}
+        return {"tool": DRIVER, "through": through, **entry, **fed, **self._drive_nut(fastener)}
+
+    def _drive_nut(self, fastener: Fastener) -> dict[str, Any]:
+        """Return the keys of a nut that a socket drives onto a standing bolt; none otherwise."""
+        for mate in fastener.threaded_in if fastener.kind == "nut" else ():
+            bolt = self.relation.fastener(mate)
+            size = None if bolt is None else find_size(bolt.diameter_m)
+            if bolt is None or not bolt.held or size is None or mate not in self.names:
+                continue
+            if size not in self._sockets and len(self._sockets) < len(SOCKETS):
+                self._sockets[size] = SOCKETS[len(self._sockets)]
+            if size in self._sockets:
+                tool = self._sockets[size]
+                return {"tool": tool, "size": size, "head": "nut", "into": self.names[mate]}
+        return {}
 
     def _get_part(self, name: str) -> Part:
         return self.product.parts[self.product.index(name)]

@@ -266,6 +266,7 @@ def _list_facts(task: Task, config: AssemblyConfig, before: Sequence[str], name:
         placed = entry.fixed or part in before
         facts.add(f"placed({part})" if placed else f"at_start({part})")
     facts |= {f"fastened({screw})" for screw in config.screws if screw in before}
+    facts |= {fact for fact in task.initial if fact.startswith("holds(")}
     return facts & set(task.facts.names)
 
 
