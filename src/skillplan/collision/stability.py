@@ -122,7 +122,10 @@ class StabilityDetector(Detector):
         pushed = [skill.kind for skill in self.task.skills if skill.kind in ("press", "dispense")]
         works = "forces of works on loose parts"
         alone = "collisions, reach and the arm's motion: only the stability of parts is checked"
-        return (*([works] if pushed else []), *([alone] if self._is_alone else []))
+        bare = [part for h in self.task.scene.holders if not h.fixtures for part in h.facts]
+        room = f"the room for the supports of {', '.join(bare)}: no holder of theirs has a body"
+        notes = ((works, pushed), (alone, self._is_alone), (room, bare))
+        return tuple(words for words, applies in notes if applies)
 
     def check(self, skill: Skill, state: State) -> Verdict:
         """Check that parts stand during and after `skill`; see :meth:`BackEnd.check`."""
