@@ -187,8 +187,8 @@ class ToolConfig(Strict):
     )
     holder_m: Planar | None = Field(
         None,
-        description="place of its holder, x y [m], needed unless it is on the hand of another tool; "
-        "left out: it has none",
+        description="place of its holder, x y [m], needed unless it is on the hand of another "
+        "tool; left out: it has none",
     )
     holder_height_m: Height = Field(0.0, description="height of the holder [m]")
     envelope_m: Extents | None = Field(
