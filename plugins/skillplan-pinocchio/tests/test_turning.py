@@ -70,7 +70,7 @@ def judge(task, detector, skill, *facts, without=()):
     ("changes", "reason"),
     [
         ({}, None),
-        ({"pivot": (0.55, 0.0, 0.05)}, "plate runs into the table on the turn"),
+        ({"pivot": (0.55, 0.0, 0.085)}, "plate runs into the table on the turn"),
         (
             {"post": "post: {size_m: [0.02, 0.02, 0.25], at_m: [0.55, 0.061]}"},
             "plate runs into post on the turn",

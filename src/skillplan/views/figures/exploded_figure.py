@@ -123,6 +123,13 @@ def find_added_parts(task: Task, skills: Sequence[str]) -> list[AddedPart]:
         for visit in () if skill.motion is None else skill.motion.visits(state):
             if visit.event in (Event.RELEASE, Event.DRIVE):
                 directions[visit.subject] = visit.along
+            elif visit.event is Event.TURN:
+                # What is in place turns with the directions in which it came.
+                workholder = task.scene.find_workholder(visit.subject)
+                begin, end = workholder.find_orientation(state), f"turned({visit.subject})"
+                turned = workholder.turn(begin, end, 1.0)
+                for body in task.scene.list_carried(workholder, state) & directions.keys():
+                    directions[body] = turned.rotate(directions[body])
         state = skill.prediction_in(state).apply(state)
     goals = task.scene.at(state)
     names = [body.name for body in task.scene.bodies]
