@@ -372,7 +372,7 @@ def _is_firm(there: _There, turning: Workholder | None) -> bool:
 
 
 def _close(names: set[str], joined: Iterable[tuple[str, str]]) -> set[str]:
-    """Return some parts and all that are joined to them, directly or over others."""
+    """Return some parts, and the parts joined to them directly or over others."""
     closed, pairs = set(names), list(joined)
     while True:
         more = {name for pair in pairs if closed & set(pair) for name in pair} - closed

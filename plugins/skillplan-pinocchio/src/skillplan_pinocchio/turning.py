@@ -1,4 +1,4 @@
-"""Turns of the product and closing jaws: collisions with all that stays, in any state.
+"""Turns of the product and closing jaws: collisions with bodies that stay, in any state.
 
 A turning body advances by the distance to an obstacle divided by the speed of its fastest point,
 so it cannot pass an obstacle between two measurements.
