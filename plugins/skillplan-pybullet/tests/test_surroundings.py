@@ -25,7 +25,7 @@ from thinned import release_case, slow_case
 
 
 def everything(
-    self: Surroundings, skill: Skill, planned: Sequence[ArmMotion], state: State
+    self: Surroundings, skill: Skill, planned: Sequence[ArmMotion], state: State, turn: None
 ) -> Neighbourhood:
     """Return all bodies that a state has on the table, however far off."""
     there = tuple(
