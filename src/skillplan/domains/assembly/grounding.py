@@ -225,13 +225,17 @@ class _Grounding:
         )
 
     def _list_notes(self) -> dict[str, tuple[str, ...]]:
-        """Return refused grasps of ``auto`` and goals in closed zones, by skills of their part."""
+        """Return refused grasps, times of arrival and goals in closed zones, by skill."""
         notes: dict[str, tuple[str, ...]] = {}
         for name, part in self.config.moved_parts.items():
             if part.grasp == "auto":
                 _, refused = describe_candidates(self.config, name)
                 words = tuple(f"grasp: auto refuses {reason}" for reason in refused)
                 notes |= {f"{verb}({name})": words for verb in ("pick", "place") if words}
+        for name, part in self.config.moved_parts.items():
+            if part.arrives_s:
+                arrives = f"{name} arrives after {part.arrives_s:g} s: the arm waits until then"
+                notes[f"pick({name})"] = (*notes.get(f"pick({name})", ()), arrives)
         for (name, label), reason in self.closed.items():
             left_out = f"place({name}{label}) is left out: {reason}"
             notes[f"pick({name})"] = (*notes.get(f"pick({name})", ()), left_out)

@@ -113,6 +113,7 @@ def build_plan_section(
     """
     now_s, rows = 0.0, []
     costs = numbers([step["cost"] for step in _list_steps(document)])
+    waits = any(step.get("wait_s") for step in _list_steps(document))
     for index, step in enumerate(_list_steps(document)):
         measured = done[index] if done is not None and index < len(done) else None
         begin_s = now_s if measured is None else measured.begin_s
@@ -124,6 +125,7 @@ def build_plan_section(
                 _get_tool(task, str(step["skill"])),
                 seconds(begin_s),
                 seconds(step["duration_s"]),
+                *([seconds(step["wait_s"]) if step.get("wait_s") else "-"] if waits else []),
                 *([_format_time(measured, how)] if done is not None else []),
                 costs[index],
                 _format_place(step.get("goal")),
@@ -135,11 +137,12 @@ def build_plan_section(
             ]
         )
     columns = ["step", "skill", "tool", "begins [s]", "planned [s]"]
+    columns += ["of it waits [s]"] if waits else []
     columns += [f"{how} [s]"] if done is not None else []
     unit = task.metric.unit
     columns += [f"cost [{unit}]", "ends at [m]"]
     columns += ["way"] if any("way" in step for step in _list_steps(document)) else []
-    kinds = "np nn" + ("n" if done is not None else "") + "np"
+    kinds = "np nn" + ("n" if waits else "") + ("n" if done is not None else "") + "np"
     caption = f"{len(rows)} skills in order; planned times by {describe_planner(document)}"
     return Section("plan", "The plan", table(caption, columns, rows, kinds))
 
