@@ -99,6 +99,18 @@ def test_a_layout_shows_zones_what_they_do_and_a_legend_within_its_width():
     assert not plain & {"keep-out zone", "slow, 0.25 m/s"}
 
 
+def test_a_product_that_was_turned_is_drawn_with_both_its_sides():
+    """What was put in before the turn comes from below in the end."""
+    task = load_problem("configs/cell_turn.yaml").task
+    plan = [task.skills[i].name for i in (0, 1, 17, 3, 4, 10, 11, 9, 16, 6, 8, 10, 14)]
+    picture = draw_layout(task, plan)
+    notes = {note.title for note in picture.notes.values()}
+    assert {"pivot of flip", "vise holds chassis"} <= notes
+    assert "part with a holder" in labels(picture)
+    names = [text for text in labels(draw_exploded_view(task, plan)) if not text.isdigit()]
+    assert names == ["bottom", "foot", "chassis", "cover", "top"]
+
+
 def test_sixteen_parts_have_sixteen_colours():
     assert len({COLOURS[role] for role in SERIES}) == 16
 

@@ -44,6 +44,7 @@ _MOST_HEIGHT_PX = 900.0
 _LEAST_SHARE = 0.65
 _STATION_PX = 13.0
 _NAME_PX = 11.0
+_PIVOT_PX = 20.0
 _FIXTURE_OPACITY = 0.22
 _ZONE_OPACITY = 0.14
 
@@ -130,6 +131,7 @@ class _Layout:
             x, y = self._pixels(position)
             box = make_rectangle(x - _STATION_PX, y - _STATION_PX, x + _STATION_PX, y + _STATION_PX)
             self.picture.polygon(box, "paper", "ink", 1.4, note=Note(name))
+        self._draw_holding()
         for step in self.steps:
             for begin, end in pairwise(map(self._pixels, step.stops)):
                 self.picture.arrow(begin, end, "ink", 1.1, short_px=NUMBER_PX + 1)
@@ -239,6 +241,19 @@ class _Layout:
                 self.picture.polygon(
                     points, "muted", "muted", 1.2, opacity=_FIXTURE_OPACITY, note=Note(name)
                 )
+
+    def _draw_holding(self) -> None:
+        """Draw the pivots of workholders as rings, and outline parts that holders may hold."""
+        for workholder in self.scene.workholders:
+            note = Note(f"pivot of {workholder.name}")
+            centre = self._pixels(workholder.pivot)
+            self.picture.disc(centre, _PIVOT_PX, None, "ink", 1.4, note=note)
+        for holder in self.scene.holders:
+            for part in holder.facts.keys() & self.goals.keys():
+                note = Note(f"{holder.name} holds {part}")
+                for outline in find_outlines(self.scene.body(part), self.goals[part]):
+                    points = [*map(self._pixels, outline)]
+                    self.picture.polygon(points, None, "ink", 2.0, note=note)
 
     def _draw_footprints(self, poses: Mapping[str, Pose], *, dashed: bool) -> None:
         """Draw bodies from above, lower ones first."""
@@ -372,6 +387,7 @@ class _Layout:
             ("blue", "blue", 1.2, 0.3, "its goal"),
             ("paper", "ink", 1.4, 1.0, "tool holder or feeder"),
             *([("muted", "muted", 1.2, _FIXTURE_OPACITY, "fixed")] if self.fixtures else []),
+            *([(None, "ink", 2.0, 1.0, "part with a holder")] if self.scene.holders else []),
             *self._list_zone_keys(),
         ):
             wrap(20 + measure_text_px(words, SMALL_PX))
