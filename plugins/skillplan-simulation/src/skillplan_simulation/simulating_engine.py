@@ -17,6 +17,7 @@ from skillplan.physics.linear_motions import find_jaw_faults
 from skillplan.physics.performance import Angle, Image, Performance, Performer, Sample
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
+from skillplan.task.scene import Scene
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -170,6 +171,7 @@ class SimulatingEngine(Engine):
             *scene.robots[0].model.not_checked,
             *describe_unchecked_fits(scene.bodies, simulated=True),
             *describe_unchecked_speeds(scene),
+            *_describe_holders(scene),
         )
 
     def record(self, skill: Skill, state: State) -> Record:
@@ -187,6 +189,14 @@ class SimulatingEngine(Engine):
         if skill.motion is None and not self.workcell.frees(skill, state):
             return Verdict.feasible(self.task.facts.none, self.task.facts.none)
         return check_postcondition(skill, self.record(skill, state), self.tolerances)
+
+
+def _describe_holders(scene: Scene) -> tuple[str, ...]:
+    """Return that held parts do not slip, by the names of the holders."""
+    if not scene.holders:
+        return ()
+    names = ", ".join(holder.name for holder in scene.holders)
+    return (f"how holders close, and whether a part slips under their force_n: {names}",)
 
 
 @cache
