@@ -1,7 +1,7 @@
 """Decide whether bodies stand by themselves, and which of them must at least be held.
 
 Bodies stand if contact forces balance their weights, also if the ground is tilted a little and
-their centres of mass are a little beside where they are stated. A linear program decides it. Three
+their centres of mass are a little off the stated places. A linear program decides it. Three
 rules keep it from claiming too much, as forces in equilibrium alone do not prove rest (Pang and
 Trinkle: Stability characterizations of fixtured rigid bodies with Coulomb friction, 2000):
 
@@ -196,7 +196,7 @@ def find_least_holds(
 ) -> LeastHolds | None:
     """Return a least set of bodies that must be held so that all stand; None if none suffices.
 
-    Sets are tried by size. Each one that fails shows bodies that move whatever else is held: every
+    Sets are tried by size. Each one that fails shows bodies that move with any other held: every
     sufficient set has one of them, so smaller sets without one need not be tried.
 
     Parameters
@@ -489,7 +489,9 @@ class _Scene:
             seen, border = set[int | None](), {begin}
             while border:
                 seen |= border
-                there = {two for one in border if one is not None for two in below.get(one, ())}
+                there = {
+                    lower for body in border if body is not None for lower in below.get(body, ())
+                }
                 border = there - seen
             return end in seen
 
@@ -621,7 +623,7 @@ class _Program:
         Parameters
         ----------
         upper
-            Upper bounds of all rows after those of the balance [kg]; they are appended.
+            Upper bounds of the rows after the balance [kg]; they are appended.
         """
         first = 6 * len(self._loose) + len(upper)
         groups = range(len(self._scene.groups))
@@ -667,10 +669,10 @@ def _join(bodies: Iterable[str], joined: Iterable[tuple[str, str]]) -> list[tupl
     """Return the bodies in groups that move as one, in order."""
     group_of = {name: [name] for name in bodies}
     for first, second in joined:
-        one, two = group_of[first], group_of[second]
-        if one is not two:
-            one += two
-            group_of.update(dict.fromkeys(two, one))
+        group, other = group_of[first], group_of[second]
+        if group is not other:
+            group += other
+            group_of.update(dict.fromkeys(other, group))
     return list(dict.fromkeys(tuple(group) for group in group_of.values()))
 
 

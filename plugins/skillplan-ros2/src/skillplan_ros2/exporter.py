@@ -306,7 +306,7 @@ class Ros2Exporter(Exporter):
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return that trajectories move only the arm, and what moves besides it."""
+        """Return that trajectories move only the arm, and what else moves."""
         where = f"the topic {HAND_TOPIC}" if self.options.format != "yaml" else "comments"
         words = f"trajectories move the arm only; when the hand acts stands in {where}"
         if not _has_turns(self._plan(handover)):

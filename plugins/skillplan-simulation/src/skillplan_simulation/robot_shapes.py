@@ -91,7 +91,7 @@ def _mount(box: Box, mount: Pose) -> Box:
     """Return a box about the box of a mounted tool, from the arm's tip."""
     signs = np.array([*product((-0.5, 0.5), repeat=3)])
     corners = np.array(box.centre) + signs * np.array(box.size)
-    # Axes of the arm's tip and those of boxes differ by this.
+    # The axes of the arm's tip and of boxes differ by this.
     turn = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     placed = (corners @ turn @ np.array(mount.rotation).T + np.array(mount.position)) @ turn
     low, high = placed.min(axis=0), placed.max(axis=0)

@@ -173,7 +173,7 @@ def command(
     from skillplan.views.tables.installation import tabulate_nests
 
     limits.begin(graceful=False)
-    made = load_cad_command("nest", "nest")(
+    nests = load_cad_command("nest", "nest")(
         product,
         out,
         {
@@ -195,7 +195,7 @@ def command(
         lambda line: tell(f"skillplan: {line}"),
         render_nest_png,
     )
-    for warning in made.warnings:
+    for warning in nests.warnings:
         tell(f"skillplan: note: {warning}")
-    emit(style, {"schema": NEST, **made.document}, tabulate_nests(made.document, out))
-    return exit_code(solved=made.good)
+    emit(style, {"schema": NEST, **nests.document}, tabulate_nests(nests.document, out))
+    return exit_code(solved=nests.good)

@@ -102,7 +102,7 @@ Choice = str | list[Term] | CostConfig
 
 @lru_cache(maxsize=64)
 def _weigh_terms(terms: tuple[Term, ...]) -> CostConfig:
-    """Return costs in order as a weighted sum, in which a count outweighs all that follow."""
+    """Return costs in order as a weighted sum, in which a count outweighs the later ones."""
     last, wear, weight = terms[-1], dict[str, float](), _FIRST_WEIGHT
     for term in reversed(terms[:-1]):
         wear |= dict.fromkeys(_KINDS[term], weight)

@@ -104,11 +104,11 @@ def find_feeder_issues(config: AssemblyConfig) -> Iterator[Issue]:
             words = "parts and screws come from it. With a cycle, give each kind a feeder."
             yield Issue(words, (*here, "cycle_s"))
             continue
-        least_s, least = _find_least_time_s(config, feeder, parts, screws)
+        least_s, pair = _find_least_time_s(config, feeder, parts, screws)
         if entry.cycle_s > least_s:
             most_s = math.floor(least_s * 10) / 10
             words = (
-                f"{entry.cycle_s:g} s is more than the {least_s:.3g} s that {least} at least. The "
+                f"{entry.cycle_s:g} s is more than the {least_s:.3g} s that {pair} at least. The "
                 f"wait would depend on more than the last skill: give at most {most_s:g} s"
             )
             yield Issue(f"{words}, or a feeder for some of the parts.", (*here, "cycle_s"))

@@ -920,7 +920,7 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
                 robot.reaches_m,
                 robot.safe_height_m,
                 places,
-                # The tool on the flange comes first among those of one hand.
+                # The tool on the flange comes first on its hand.
                 tuple(
                     _build_tool(config, name)
                     for name in sorted(config.tools, key=lambda n: n not in config.carriers)

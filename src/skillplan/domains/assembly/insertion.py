@@ -112,7 +112,7 @@ def turn_place_visit(config: AssemblyConfig, visit: Visit, motion: Pose | None) 
 
 
 def _measure_clearing_m(config: AssemblyConfig, name: str, direction: Point) -> float:
-    """Return the length of an insertion that clears all that a part goes into [m]."""
+    """Return the length of an insertion that clears the parts around [m]."""
     lengths_m = [_LEAST_M]
     level = min(AXES.values(), key=lambda axis: abs(dot(axis, direction)))
     across = unit(cross(direction, level))

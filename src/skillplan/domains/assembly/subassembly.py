@@ -61,7 +61,7 @@ def _join(config: AssemblyConfig, name: str) -> None:
 
 
 def _list_parts_needed(config: AssemblyConfig, name: str) -> list[str]:
-    """Return the parts whose goals and shapes must be known before those of a sub-assembly."""
+    """Return the parts that the goal and the shape of a sub-assembly follow from."""
     needed: list[str] = []
     todo = [member for member in config.parts[name].made_of or () if member in config.parts]
     while todo:

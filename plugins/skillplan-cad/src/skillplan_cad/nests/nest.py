@@ -270,7 +270,7 @@ def _list_columns(
     cut = [column for slab in slabs for column in _cut_free(bottom_mm, *slab, free)]
     columns = [column for column in cut if column[2].area > _SLIVER_MM2]
     if not columns:
-        raise OptionError("nothing is left of the nest beside the regions that stay free.")
+        raise OptionError("nothing is left of the nest outside the regions that stay free.")
     return columns
 
 
@@ -453,7 +453,7 @@ def build_jaws(
     depth_m = (width_m - gap_m) / 2
     if depth_m * _TO_MM < _THINNEST_MM:
         raise OptionError(
-            f"jaws {gap_m * _TO_MM:g} mm apart hold nothing of a part that is "
+            f"jaws {gap_m * _TO_MM:g} mm from each other hold nothing of a part that is "
             f"{width_m * _TO_MM:.4g} mm wide."
         )
     settings = replace(settings, depth_m=depth_m, pin_m=0.0)

@@ -264,7 +264,7 @@ def check_nest(
         for share in (0.3, 0.6)
         for toward in towards[::2]
     ]
-    least, gap_place = min((*plays, *lifted), key=lambda way: way[0])
+    least_mm, gap_place = min((*plays, *lifted), key=lambda way: way[0])
     if tight[0] > _SLACK_MM:
         gap_place = tight[1]
     centre = _find_centre(bodies, nest, contact.middle_m)
@@ -284,7 +284,7 @@ def check_nest(
         contact.rays,
         len(contact.samples.points) + len(contact.corners),
         overlap / _TO_MM,
-        least / _TO_MM,
+        least_mm / _TO_MM,
         (x, y, z),
         (min(play for play, _ in plays) / _TO_MM, max(play for play, _ in plays) / _TO_MM),
         turn_rad,

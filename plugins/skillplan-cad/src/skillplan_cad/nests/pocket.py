@@ -208,9 +208,9 @@ def sweep_pocket(
     return layers
 
 
-def _extend(room: BaseGeometry, wanted: BaseGeometry) -> BaseGeometry:
+def _extend(room: BaseGeometry, outline: BaseGeometry) -> BaseGeometry:
     """Return the union of two outlines, except strips that the margin of outlines covers."""
-    growth = shapely.get_parts(keep_areas(wanted.difference(room)))
+    growth = shapely.get_parts(keep_areas(outline.difference(room)))
     covered = shapely.covered_by(growth, room.buffer(_SIMPLER_MM))
     return room.union(shapely.union_all(growth[~covered]), grid_size=_GRID_MM)
 

@@ -26,7 +26,7 @@ Column = tuple[float, float, BaseGeometry]
 _TO_MM = 1e3
 # Area below which a triangle is a rounding residue [mm2]; its neighbours cover it.
 _LEAST_MM2 = 1e-7
-# Corners per millimetre: files in single precision keep them apart.
+# Corners per millimetre: files in single precision keep them distinct.
 _PER_MM = 1000
 Corner = tuple[int, int]
 

@@ -469,11 +469,11 @@ class _Standing:
         if number not in self._blockers:
             is_driven = name in self._driven
             along = np.asarray(self._get_axis(name)) if is_driven else self._vector
-            least = _ALONG if is_driven else -_SIDEWAYS
+            steepest = _ALONG if is_driven else -_SIDEWAYS
             blockers = [
                 blockers
                 for direction, blockers in self._relation.blocker_sets[number]
-                if float(np.dot(self._relation.directions[direction], along)) > least
+                if float(np.dot(self._relation.directions[direction], along)) > steepest
             ]
             self._blockers[number] = blockers or [0] if is_driven else blockers
         return self._blockers[number]
@@ -591,7 +591,7 @@ class _Standing:
         if there:
             words = (
                 f"would tip off {_format_names(there)}, at least if the table is tilted by "
-                f"{TILT_DEG:g} degrees: its centre of mass is beside what bears it"
+                f"{TILT_DEG:g} degrees: its centre of mass is not over its supports"
             )
             return LeftOut(name, "tips", words, tuple(there))
         if beneath:

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 _NEAR_M = 2e-4
 # Friction without which a part only leans: the next move would drag it along [-].
 _LEANS = 0.05
-# Names in the program; those of parts have no blanks at their ends.
+# Names in the program; part names have no blanks at their ends.
 _PART, _TABLE = " part", " table"
 
 

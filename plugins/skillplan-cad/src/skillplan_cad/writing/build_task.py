@@ -79,10 +79,10 @@ def build_task(
     watch = watch or Watch()
     cuts = Cuts(product)
 
-    def build(bearing: Bearing, arm: str, least: float = 0.0) -> WrittenTask:
+    def build(bearing: Bearing, arm: str, least_weight: float = 0.0) -> WrittenTask:
         with TaskTrials(watch) as trials:
             builder = _TaskBuilder(product, relation, plan, arm, bearing, remarks or {}, holding)
-            return builder.build(absent, cuts, trials, watch, least)
+            return builder.build(absent, cuts, trials, watch, least_weight)
 
     absent = dict(without or {})
     if others is None:
@@ -181,13 +181,13 @@ class _TaskBuilder:
         cuts: Cuts,
         trials: TaskTrials,
         watch: Watch,
-        least: float,
+        least_weight: float,
     ) -> WrittenTask:
         """Write the task again with fewer parts until it passes its trial.
 
         Parameters
         ----------
-        least
+        least_weight
             Weight of another orientation: with less, the task is given up.
         """
         self._absent |= without
@@ -210,7 +210,7 @@ class _TaskBuilder:
             left_out = self._list_left_out()
             kept = {part.name for part in self._product} - left_out.keys()
             is_empty = not kept - self._holds.fixed.keys() or not kept - self._relation.driven
-            if is_empty or _weigh(self._product, kept) <= least:
+            if is_empty or _weigh(self._product, kept) <= least_weight:
                 return _write_nothing(self._product, self._bearing, left_out)
             writer = TaskWriter(
                 self._product,

@@ -821,7 +821,7 @@ class TaskWriter:
     def _find_stroke_m(self, part: Part, ways: Sequence[Sequence[float]]) -> float | None:
         """Return the length of level insertions that begin clear of earlier parts above [m].
 
-        None if the default does: it clears the parts beside, but the part comes down from above.
+        None if the default does: it clears the neighbours, but the part comes down from above.
         """
         if any(abs(way[2]) > _LEVEL for way in ways) or part.name not in self.bearing.order:
             return None

@@ -264,7 +264,7 @@ class SkillRunner(ControlledRobot):
         turn
             The turn of the skill, or None.
         held
-            Parts in holders, also those that are still to come.
+            Parts in holders, also if they are still to come.
         """
         self._motions, self._guides = tuple(motions), guides
         self._turn, self._in_holders, self.due = turn, held, {}
