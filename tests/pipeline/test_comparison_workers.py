@@ -123,7 +123,7 @@ def test_an_interruption_ends_what_runs_with_what_it_has_and_begins_no_other():
     begun_s = time.monotonic()
     threading.Timer(2.0, stop.interrupt).start()
     rows = rows_side_by_side(terms, ["exact", "local-search", "exact"], 2, {}, stop)
-    assert time.monotonic() - begun_s < 10.0
+    assert time.monotonic() - begun_s < 60.0
     assert [row.solver for row in rows] == ["exact", "local-search"]
     assert all(row.interrupted for row in rows)  # type: ignore[union-attr]
 

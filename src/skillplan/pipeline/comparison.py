@@ -291,8 +291,9 @@ def _collect_rows(
     idle: list[Worker] = []
     is_stopping = False
     while at or waiting:
-        if stop.interrupted and not is_stopping:
+        if stop.interrupted:
             is_stopping, waiting = True, []
+            # Again and again, because a process that is starting does not hear it.
             for worker in at:
                 worker.ask_to_stop()
         while waiting and len(at) < executor.slots:

@@ -49,6 +49,7 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], None]]]:
     yield "searches over orders", warm_up
     yield "dynamic programming", _compile_dynamic_programming
     yield "tabular reinforcement learning", lambda: _solve({}, "q-learning", "monte-carlo")
+    yield "plans by learned models", lambda: _solve({}, "learned-model")
 
 
 def _compile_dynamic_programming() -> None:
