@@ -108,8 +108,9 @@ def test_it_is_among_the_detectors_of_files_with_workholders_or_holders(cell):
     setup = Setup(collision=("aabb",))
     assert setup.detector_names(cell()) == "aabb,stability"
     alone = StabilityDetector(cell())
-    (words,) = alone.not_checked()
+    words, room = alone.not_checked()
     assert words.endswith("only the stability of parts is checked")
+    assert room.startswith("the room for the supports of block, arm")
 
 
 def test_boxes_ask_for_a_support_of_a_part_that_is_let_go(cell):
