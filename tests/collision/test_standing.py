@@ -63,6 +63,16 @@ def test_a_body_tips_to_the_side_where_nothing_bears_it():
     assert decide({"it": block((0.2, 0.1, 0.02), (0.04, 0, 0.05))}, {"ledge": ledge}).stands
 
 
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.3])
+@pytest.mark.parametrize("size_m", [(0.01, 0.02), (0.03, 0.03), (0.1, 0.15)])
+@pytest.mark.parametrize("under", [TABLE, block((0.2, 0.2, 0.03), (0, 0, -0.03))])
+def test_a_can_stands_on_every_side(size_m, yaw_rad, under):
+    diameter_m, height_m = size_m
+    at = Pose.upright((0.018, -0.007, 0), yaw_rad)
+    can = Solid([Cylinder(diameter_m, height_m, (0, 0, height_m / 2))], at)
+    assert decide({"can": can}, {"under": under}).reason == ""
+
+
 def test_a_tall_body_on_a_narrow_face_stands_on_level_ground_only():
     narrow = {"it": block((0.002, 0.05, 0.1))}
     tipped = decide(narrow)

@@ -8,7 +8,6 @@ preload that geometry does not state, so a pin that nothing bears falls through 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
@@ -34,14 +33,14 @@ _SETTLED = highspy.HighsModelStatus.kOptimal
 _PUSH = 0.02  # sideways push, as a share of the weight
 _HELP = 2e-3  # share of the weight that the program may miss
 _MOST_POINTS = 12
-# Points on each edge, and on all edges, at which two surfaces may touch.
-_PER_EDGE, _MOST_SAMPLES = 3, 600
+# Points on each edge at which two surfaces may touch.
+_PER_EDGE = 3
 # Largest cosine between an edge that lies on a face and the normal of the face.
 _PARALLEL = 0.05
 # Largest cosine between the normals of two surfaces that touch.
 _AWAY = 0.5
-# Largest number of pairs of points and faces in one array.
-_MOST_PAIRS = 20_000
+# Largest number of pairs of points and faces in one array, unless it has the least points.
+_MOST_PAIRS, _LEAST_POINTS = 20_000, 64
 
 
 def minimize_help(columns: Sequence[Column], loads: Array, scale: Array) -> Array | None:
@@ -208,23 +207,31 @@ def _find_touching(
         return np.empty((0, 3)), np.empty((0, 3))
     inwards = np.cross(normals[:, None], np.roll(places, -1, axis=1) - places)
     inwards /= np.maximum(np.linalg.norm(inwards, axis=2), 1e-30)[..., None]
+    levels = np.einsum("fi,fi->f", places[:, 0], normals)
     there: list[Array] = []
     pushed: list[Array] = []
-    step = max(1, _MOST_PAIRS // len(places))
+    lowest, highest = places.min(axis=1) - 4 * tolerance_m, places.max(axis=1) + 4 * tolerance_m
+    step = max(_LEAST_POINTS, _MOST_PAIRS // len(places))
     for first in range(0, len(points), step):
-        some, directions = points[first : first + step], along[first : first + step]
-        offsets = some[:, None, None] - places
-        heights = np.einsum("pfi,fi->pf", offsets[:, :, 0], normals)
-        beside = np.einsum("pfki,fki->pfk", offsets, inwards)
+        some = points[first : first + step]
+        # Points come in order of x, so few faces of a fine mesh are near those of one array.
+        near = (highest >= some.min(axis=0)).all(axis=1) & (lowest <= some.max(axis=0)).all(axis=1)
+        faces = np.flatnonzero(near)
+        distances = np.abs(some @ normals[faces].T - levels[faces])
+        close = distances <= tolerance_m
         # An edge that passes through a face does not touch it.
-        over = (np.abs(heights) <= tolerance_m) & (beside >= -tolerance_m).all(axis=2)
-        over &= np.abs(directions @ normals.T) < _PARALLEL
+        close &= np.abs(along[first : first + step] @ normals[faces].T) < _PARALLEL
         # A face pushes only what lies before it, such as the foot of a pin, not the wall above it.
-        over &= outward[first : first + step] @ normals.T < _AWAY
-        touching = over.any(axis=1)
-        nearest = np.where(over, np.abs(heights), np.inf)[touching].argmin(axis=1)
+        close &= outward[first : first + step] @ normals[faces].T < _AWAY
+        point, number = np.nonzero(close)
+        beneath = faces[number]
+        beside = np.einsum("qki,qki->qk", some[point, None] - places[beneath], inwards[beneath])
+        over = (beside >= -tolerance_m).all(axis=1)
+        point, number = point[over], number[over]
+        nearest = np.lexsort((distances[point, number], point))
+        touching, first_of = np.unique(point[nearest], return_index=True)
         there.append(some[touching])
-        pushed.append(normals[nearest])
+        pushed.append(normals[faces[number[nearest[first_of]]]])
     return np.concatenate(there), np.concatenate(pushed)
 
 
@@ -260,9 +267,8 @@ def _sample_edges(body: Surface, low: Array, high: Array) -> tuple[Array, Array,
     directions = np.repeat(along / lengths[:, None], _PER_EDGE, axis=0)
     directions = np.concatenate([np.zeros_like(ends), directions])
     outward = np.concatenate([at_ends[boxed], np.repeat(outward[crosses], _PER_EDGE, axis=0)])
-    _, first_of = np.unique(np.round(points, 7), axis=0, return_index=True)
-    step = max(1, math.ceil(len(first_of) / _MOST_SAMPLES))
-    chosen = first_of[::step]
+    # Points are thinned by `select_spread` only when it is known which of them touch.
+    _, chosen = np.unique(np.round(points, 7), axis=0, return_index=True)
     return points[chosen], directions[chosen], outward[chosen]
 
 
