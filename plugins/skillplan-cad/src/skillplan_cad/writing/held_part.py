@@ -155,6 +155,11 @@ class PartHolds:
         self._on: Mapping[str, tuple[str, ...]] = {}
         self.fixed: dict[str, str] = {}
 
+    @property
+    def base(self) -> str:
+        """Name of the part that the others are put on."""
+        return self._base
+
     def held(self, name: str) -> Held:
         """Return the chosen tool and grasps of a part."""
         return self._chosen[name]

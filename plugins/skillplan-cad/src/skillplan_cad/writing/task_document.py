@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,6 +20,7 @@ from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.planning.precedence import encode_set
+from skillplan_cad.planning.stability import is_over
 from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, LeftOut, Relation
 from skillplan_cad.writing.held_part import (
@@ -238,6 +240,9 @@ def _mask_fitting(
 
 
 DRIVER = "screwdriver"
+# A part that stands alone has its feet within a height [m], and bears a tilt and an error of its
+# centre of mass [m].
+_LEVEL_FEET_M, _TILT_DEG, _LEAST_MARGIN_M = 1e-4, 2.0, 2e-4
 # For nuts that go over standing bolts, by size.
 SOCKETS = ("socket", "socket_2")
 
@@ -408,7 +413,11 @@ def lay_out_parts(
         Names of tools whose holders stay free.
     """
     upright = place_upright(gripped, up, (0.0, 0.0))
-    feeders = _feeders([part for part in parts if part.name not in fixed], names, taken)
+    feeders = dict(_feeders([part for part in parts if part.name not in fixed], names, taken))
+    for part in gripped:
+        if part.name not in {*fixed, *feeders} and not stands_alone(part, upright):
+            stem = f"{names[part.name]}_feeder"
+            feeders[part.name] = assign_task_names([stem], {*taken, *feeders.values()})[stem]
     items: dict[str, Item] = {}
     for part in parts:
         name = feeders.get(part.name, names[part.name])
@@ -424,6 +433,16 @@ def lay_out_parts(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
     )
     return Places(place_upright(gripped, up, layout.product_m), layout, feeders, without)
+
+
+def stands_alone(part: Part, upright: Upright) -> bool:
+    """Return whether a part stands on the table by itself, also if it is tilted a little."""
+    corners = upright.vertices(part)
+    centre = np.asarray(upright.point(part.centre_m))
+    height_m = float(centre[2] - corners[:, 2].min())
+    feet = corners[corners[:, 2] < corners[:, 2].min() + _LEVEL_FEET_M]
+    margin_m = math.tan(math.radians(_TILT_DEG)) * height_m + _LEAST_MARGIN_M
+    return is_over(centre[:2], feet[:, :2], margin_m)
 
 
 def _feeders(
@@ -547,6 +566,7 @@ _MOST_DIRECTIONS = 3
 _LEAST_STROKE_M, _CLEAR_STROKE_M, _TOUCH_M = 0.01, 0.005, 2e-4
 _BELOW_SHANK_M = 0.01
 _COMMENT_WIDTH = 98
+_PRESENTED = "comes from a feeder that presents it, as it does not stand on the table by itself"
 _HELD = "is held where it is put by a support of its own, the shape of which is not in the task"
 
 _HEADER = """\
@@ -678,6 +698,10 @@ class TaskWriter:
         for name in self.bearing.held:
             if name in self.names:
                 self._note(name, _HELD)
+        alike = Counter(self.places.feeders.values())
+        for name, feeder in self.places.feeders.items():
+            if alike[feeder] == 1:
+                self._note(name, _PRESENTED)
         for name in self.names:
             for notes in (self.remarks, self.holds.fixed):
                 if name in notes:
@@ -751,9 +775,15 @@ class TaskWriter:
         return document
 
     def _build_holders(self, parts: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a support for each part that does not stay by itself."""
+        """Return a support for each part that does not stay, and then for the base, too.
+
+        Pushes would shift a loose base away from the supports.
+        """
         names = [self.names[name] for name in self.bearing.held if name in self.names]
-        held = [name for name in names if name in parts]
+        base = self.names.get(self.holds.base)
+        if names and base is not None and base not in names:
+            names = [base, *names]
+        held = [name for name in names if name in parts and not parts[name].get("fixed")]
         taken = {*self.names.values(), *_HOLDER_OF, *self.places.feeders.values()}
         supports = assign_task_names((f"hold_{name}" for name in held), taken)
         return {
