@@ -142,18 +142,24 @@ def find_best_bearing(
 ) -> Bearing:
     """Return the orientation in which most parts are placed, by number and mass.
 
-    Both shares count the same; ties go to the one with the fewest supports, then to the first.
+    Both shares count the same. Ties go to the orientation in which most parts stand by themselves,
+    then to the one with the fewest supports, then to the first.
     """
     forces = Equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
     driven = relation.driven - set(absent)
     best: Bearing | None = None
-    best_key = (0.0, 0)
-    for up in ATTITUDES.values():
-        bearing = find_bearing(product, relation, up, absent, forces, holding=holding)
+    best_key = (0.0, 0.0, 0)
+
+    def weigh(bearing: Bearing) -> float:
         count = len(bearing.order) + len(driven - bearing.undriven.keys())
         mass = sum(masses[name] for name in bearing.order) / sum(masses.values())
-        key = (round(count / len(product) + mass, 6), -len(bearing.held))
+        return round(count / len(product) + mass, 6)
+
+    for up in ATTITUDES.values():
+        bearing = find_bearing(product, relation, up, absent, forces, holding=holding)
+        alone = find_bearing(product, relation, up, absent, forces) if bearing.held else bearing
+        key = (weigh(bearing), weigh(alone), -len(bearing.held))
         if best is None or key > best_key:
             best, best_key = bearing, key
         if not (best.why_not or best.undriven or best.held):
