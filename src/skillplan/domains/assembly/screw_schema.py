@@ -296,7 +296,7 @@ class ScrewConfig(Strict):
         """Width across the flats of a hexagon [m]; None for other heads."""
         if self.size is None or self.head not in HEXAGONS:
             return None
-        return _HEADS_MM[self.head][self.size][0] / 1e3
+        return self.head_diameter_m * math.sqrt(3) / 2
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

@@ -214,10 +214,13 @@ def list_attitude_warnings(
     count = len(bearing.order) + len(bearing.why_not)
     up, stand = name_up_axis(bearing), len(bearing.order)
     warnings = []
+    stay = "stand by themselves"
+    if bearing.held:
+        stay = f"are placed, {len(bearing.held)} of them held,"
     if requested == AUTO and up != next(iter(ATTITUDES)):
         warnings.append(
-            f"{up} points up, as then {stand} of {count} parts stand by themselves and the arm "
-            "brings most; --up sets another."
+            f"{up} points up, as then {stand} of {count} parts {stay} and the arm brings most; "
+            "--up sets another."
         )
     holding = bool(bearing.held)
     best = bearing
@@ -225,7 +228,7 @@ def list_attitude_warnings(
         best = find_best_bearing(product, relation, holding=holding)
     if len(best.order) > stand:
         warnings.append(
-            f"with {up} up {stand} of {count} parts stand by themselves; with --up "
+            f"with {up} up {stand} of {count} parts {stay.rstrip(',')}; with --up "
             f"{name_up_axis(best)} it would be {len(best.order)}."
         )
     if not stand:

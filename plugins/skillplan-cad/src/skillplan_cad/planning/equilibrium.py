@@ -43,7 +43,7 @@ class Equilibrium:
                 self._contacts.append(contact)
                 self._touching[first].append((second, len(self._contacts) - 1, -1.0))
                 self._touching[second].append((first, len(self._contacts) - 1, 1.0))
-        self._known: dict[tuple[int, int, Vector, bool], bool] = {}
+        self._known: dict[tuple[int, int, Vector, bytes | None], bool] = {}
         self._touched = [
             encode_set([other for other, _, _ in touching]) for touching in self._touching
         ]
@@ -58,7 +58,8 @@ class Equilibrium:
         foot_m
             Points of level faces on which the part stands; None without one.
         """
-        key = (part, others & self._touched[part], up, foot_m is None)
+        feet = None if foot_m is None else foot_m.tobytes()
+        key = (part, others & self._touched[part], up, feet)
         if key not in self._known:
             self._known[key] = self._has_forces(part, others, np.asarray(up), foot_m)
         return self._known[key]

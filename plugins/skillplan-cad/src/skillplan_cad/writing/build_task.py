@@ -26,6 +26,7 @@ from skillplan_cad.writing.task_document import (
     TaskWriter,
     WrittenTask,
     find_indirect_parts,
+    list_undriven_nuts,
 )
 from skillplan_cad.writing.trial import Failure, TaskTrials, Trial
 from skillplan_cad.writing.upright import place_upright
@@ -252,6 +253,8 @@ class _TaskBuilder:
             if name in self._indirect and reason.kind in ("closed in", "from below")
         }
         left_out = {**reasons, **self._absent}
+        there = self._relation.driven - left_out.keys()
+        left_out |= list_undriven_nuts(self._product, self._relation, there)
         return left_out | _find_loose_screws(self._relation, left_out, self._bearing.up)
 
     def _leave_out(self, reasons: Mapping[str, LeftOut]) -> None:

@@ -7,14 +7,16 @@ import re
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
+from skillplan.collision.contact_forces import find_axes_across
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
@@ -39,19 +41,11 @@ from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
 from skillplan_cad.writing.upright import Upright, place_upright
 
 _LONGEST = 64
-# Widths across flats of nuts by size (ISO 4032) [mm], and how far a thread may be from a size [-].
-_FLATS_MM: Mapping[str, float] = {
-    "M2": 4.0,
-    "M2.5": 5.0,
-    "M3": 5.5,
-    "M4": 7.0,
-    "M5": 8.0,
-    "M6": 10.0,
-    "M8": 13.0,
-    "M10": 16.0,
-    "M12": 18.0,
-}
-_NEAR_SIZE = 0.08
+# Sizes of nuts that a task has, and how far a thread may be from its size [-].
+_SIZES = ("M2", "M2.5", "M3", "M4", "M5", "M6", "M8", "M10", "M12")
+_NEAR_SIZE = 0.04
+# Widths of sockets are rounded to tenths of a millimetre.
+_WIDTH_DECIMALS = 4
 # Socket on a short spindle, as long as a hand [m].
 _SPINDLE = {
     "bit_length_m": 0.05,
@@ -317,7 +311,8 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
             tools[name]["cup_diameter_m"] = CUPS_M[name]
         if name in SOCKETS:
             nut = next(entry for entry in entries if entry.get("tool") == name)
-            tools[name] |= {"socket_m": _FLATS_MM[nut["size"]] / 1e3, **_SPINDLE}
+            flats_m = round(nut["head_diameter_m"] * math.sqrt(3) / 2, 7)
+            tools[name] |= {"socket_m": flats_m, **_SPINDLE}
     return tools
 
 
@@ -533,11 +528,73 @@ def build_screw_entry(
     return entry
 
 
-def find_size(diameter_m: float) -> str | None:
-    """Return the size of a metric thread by its diameter, or None if it is near none."""
-    size = min(_FLATS_MM, key=lambda size: abs(float(size[1:]) / 1e3 - diameter_m))
-    known_m = float(size[1:]) / 1e3
-    return size if abs(known_m - diameter_m) <= _NEAR_SIZE * known_m else None
+@dataclass(frozen=True, slots=True)
+class Socketed:
+    """A nut that a socket drives onto a bolt that stands.
+
+    Parameters
+    ----------
+    size
+        Size of its thread, such as M8; None if it is near none.
+    flats_m
+        Width across its flats, as drawn [m].
+    """
+
+    bolt: str
+    size: str | None
+    flats_m: float
+
+
+def find_socketed(product: Product, relation: Relation, name: str) -> Socketed | None:
+    """Return a driven nut on a bolt that is held; None for other fasteners."""
+    nut = relation.fastener(name) if name in relation.driven else None
+    for mate in nut.threaded_in if nut is not None and nut.kind == "nut" else ():
+        bolt = relation.fastener(mate)
+        if bolt is not None and bolt.held:
+            assert nut is not None
+            size = min(_SIZES, key=lambda size: abs(float(size[1:]) / 1e3 - bolt.diameter_m))
+            known_m = float(size[1:]) / 1e3
+            near = abs(known_m - bolt.diameter_m) <= _NEAR_SIZE * known_m
+            part = product.parts[product.index(name)]
+            return Socketed(mate, size if near else None, _measure_flats_m(part, nut.axis))
+    return None
+
+
+def _measure_flats_m(part: Part, axis: Vector) -> float:
+    """Return the least width of a part across an axis [m]."""
+    flat = part.vertices_m @ find_axes_across(axis).T
+    hull = flat[ConvexHull(flat).vertices]
+    edges = np.roll(hull, -1, axis=0) - hull
+    across = np.stack([-edges[:, 1], edges[:, 0]], axis=1)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return round(float(np.ptp(hull @ across.T, axis=0).min()), _WIDTH_DECIMALS)
+
+
+def list_undriven_nuts(
+    product: Product, relation: Relation, names: Collection[str]
+) -> dict[str, LeftOut]:
+    """Return the nuts for which a task has no socket, each with the reason."""
+    socketed = {
+        name: nut
+        for name in sorted(names, key=relation.index)
+        if (nut := find_socketed(product, relation, name)) is not None
+    }
+    widths = Counter(nut.flats_m for nut in socketed.values() if nut.size is not None)
+    usual = {width for width, _ in widths.most_common(len(SOCKETS))}
+    reasons = {}
+    for name, nut in socketed.items():
+        if nut.size is None:
+            bolt = relation.fastener(nut.bolt)
+            thread_mm = 0.0 if bolt is None else bolt.diameter_m * 1e3
+            words = f"has a thread of {thread_mm:.3g} mm, which is no size from M2 to M12"
+            reasons[name] = LeftOut(name, "no grasp", words)
+        elif nut.flats_m not in usual:
+            words = (
+                f"needs a socket of {nut.flats_m * 1e3:.3g} mm, and a task has {len(SOCKETS)}: "
+                f"{' and '.join(f'{width * 1e3:.3g}' for width in sorted(usual))} mm"
+            )
+            reasons[name] = LeftOut(name, "no grasp", words)
+    return reasons
 
 
 def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
@@ -656,7 +713,7 @@ class TaskWriter:
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
     gripped: list[Part] = field(init=False)
-    _sockets: dict[str, str] = field(init=False, default_factory=dict)
+    _sockets: dict[float, str] = field(init=False, default_factory=dict)
     places: Places = field(init=False)
     upright: Upright = field(init=False)
 
@@ -695,9 +752,8 @@ class TaskWriter:
         up, names = self.bearing.up, self.names
         for name, words in list_plan_limits(self.product, self.plan, up, names):
             self._note(name, words)
-        for name in self.bearing.held:
-            if name in self.names:
-                self._note(name, _HELD)
+        for name in self._list_held():
+            self._note(name, _HELD)
         alike = Counter(self.places.feeders.values())
         for name, feeder in self.places.feeders.items():
             if alike[feeder] == 1:
@@ -719,7 +775,7 @@ class TaskWriter:
             (),
             self.upright,
             proved,
-            self.bearing,
+            replace(self.bearing, held=tuple(self._list_held())),
         )
 
     def _add_pieces(
@@ -766,7 +822,7 @@ class TaskWriter:
             "feeders": self._feeders(),
             "parts": parts,
             "screws": screws,
-            "holders": self._build_holders(parts),
+            "holders": self._build_holders(),
             "collision": {"swept": None},
         }
         document = {key: value for key, value in document.items() if value not in ({}, None)}
@@ -774,16 +830,20 @@ class TaskWriter:
             document["initial_tool"] = next(iter(document["tools"]))
         return document
 
-    def _build_holders(self, parts: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a support for each part that does not stay, and then for the base, too.
+    def _list_held(self) -> list[str]:
+        """Return the parts that do not stay by themselves, and then the base before them.
 
         Pushes would shift a loose base away from the supports.
         """
-        names = [self.names[name] for name in self.bearing.held if name in self.names]
-        base = self.names.get(self.holds.base)
-        if names and base is not None and base not in names:
-            names = [base, *names]
-        held = [name for name in names if name in parts and not parts[name].get("fixed")]
+        fixed, base = self.holds.fixed, self.holds.base
+        held = [name for name in self.bearing.held if name in self.names]
+        if held and base not in held and base in self.names:
+            held = [base, *held]
+        return [name for name in held if name not in fixed]
+
+    def _build_holders(self) -> dict[str, Any]:
+        """Return a support for each part that is held."""
+        held = [self.names[name] for name in self._list_held()]
         taken = {*self.names.values(), *_HOLDER_OF, *self.places.feeders.values()}
         supports = assign_task_names((f"hold_{name}" for name in held), taken)
         return {
@@ -935,21 +995,17 @@ class TaskWriter:
         entry = build_screw_entry(part, fastener, self.relation, self.upright)
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
-        return {"tool": DRIVER, "through": through, **entry, **fed, **self._drive_nut(fastener)}
+        return {"tool": DRIVER, "through": through, **entry, **fed, **self._drive_nut(part)}
 
-    def _drive_nut(self, fastener: Fastener) -> dict[str, Any]:
+    def _drive_nut(self, part: Part) -> dict[str, Any]:
         """Return the keys of a nut that a socket drives onto a standing bolt; none otherwise."""
-        for mate in fastener.threaded_in if fastener.kind == "nut" else ():
-            bolt = self.relation.fastener(mate)
-            size = None if bolt is None else find_size(bolt.diameter_m)
-            if bolt is None or not bolt.held or size is None or mate not in self.names:
-                continue
-            if size not in self._sockets and len(self._sockets) < len(SOCKETS):
-                self._sockets[size] = SOCKETS[len(self._sockets)]
-            if size in self._sockets:
-                tool = self._sockets[size]
-                return {"tool": tool, "size": size, "head": "nut", "into": self.names[mate]}
-        return {}
+        nut = find_socketed(self.product, self.relation, part.name)
+        if nut is None or nut.size is None or nut.bolt not in self.names:
+            return {}
+        tool = self._sockets.setdefault(nut.flats_m, SOCKETS[len(self._sockets) % len(SOCKETS)])
+        diameter_m = round(nut.flats_m * 2 / math.sqrt(3), 7)
+        keys = {"size": nut.size, "head": "nut", "into": self.names[nut.bolt]}
+        return {"tool": tool, "head_diameter_m": diameter_m, **keys}
 
     def _get_part(self, name: str) -> Part:
         return self.product.parts[self.product.index(name)]
