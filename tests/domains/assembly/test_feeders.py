@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import accumulate, pairwise, permutations
 from math import hypot
 
@@ -140,6 +141,30 @@ def test_the_least_cost_contains_the_waits_for_parts_that_arrive(belt, times, pe
         result = solve(belt(**given, cost=cost), setup=BOXES)
         assert result.status is Status.OPTIMAL
         assert result.cost == pytest.approx(optimum)
+
+
+def test_a_late_part_with_a_slow_tool_does_not_hide_the_best_order(belt):
+    tools = {
+        "tools__slow": {"type": "suction", "holder_m": [0.25, 0.3], "durations_s": {"pick": 60}}
+    }
+    late = {"parts__clip__arrives_s": 4.0}
+    alone = solve(belt(**late), setup=BOXES)
+    both = solve(belt(**tools, **late, parts__clip__tool=["slow", "cup"]), "exact", setup=BOXES)
+    assert (both.status, both.cost) == (Status.OPTIMAL, pytest.approx(alone.cost))
+
+
+def test_a_late_part_that_another_one_replaces_does_not_hide_the_best_order(belt):
+    spare = {**PART, "start_m": [0.6, -0.3], "goal_m": [0.6, 0.2], "interchangeable": "clip"}
+    same = {
+        "parts__clip__interchangeable": "clip",
+        "goal": ["placed(spare)", "placed(nut_1)"],
+        "holders__fork": {"kind": "hold", "parts": "nut_1"},
+    }
+    early, late = (belt(parts__spare={**spare, "arrives_s": s}, **same) for s in (0.0, 100.0))
+    least = solve(early, "exact", setup=BOXES).cost
+    briefly = replace(BOXES, options={"exact": {"max_labels": 1}})
+    assert solve(late, "exact", setup=BOXES).cost == pytest.approx(least)
+    assert solve(late, "exact", setup=briefly).lower_bound <= least
 
 
 def test_waits_do_not_change_a_path_but_the_time_of_its_plan(belt):

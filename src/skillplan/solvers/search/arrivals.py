@@ -34,31 +34,38 @@ def _list_least_ends(model: SkillModel) -> Iterator[tuple[int, float]]:
     for skill in task.skills:
         for outcome in skill.effects:
             lasting &= ~outcome.add.bits
-    needed = _list_needed(task)
+    picks_of = dict[str, list[Skill]]()
     for skill in task.skills:
-        supply = skill.supply
-        if supply is None or skill.parameters.get("part") not in needed:
-            continue
-        bits = skill.precondition.requires.bits & skill.prediction.delete.bits & lasting
-        if not bits:
-            continue
-        held = skill.prediction.add.bits
-        next_s = min(
-            (_find_least_s(model, s) for s in task.skills if s.precondition.requires.bits & held),
-            default=0.0,
-        )
-        yield bits & -bits, supply.arrives_s + _find_least_s(model, skill) + next_s
+        if skill.supply is not None:
+            picks_of.setdefault(skill.parameters["part"], []).append(skill)
+    for name, picks in picks_of.items():
+        bits = lasting if _is_needed(task, name) else 0
+        for pick in picks:
+            bits &= pick.precondition.requires.bits & pick.prediction.delete.bits
+        if bits:
+            # The plan chooses one of several tools, so only the soonest end is certain.
+            yield bits & -bits, min(_find_least_end_s(model, pick) for pick in picks)
 
 
-def _list_needed(task: Task) -> set[str]:
-    """Return the components that every plan takes from their start."""
-    goal = set(task.goal.requires)
-    needed = {name for name, fact in task.operations.items() if fact in goal}
-    for pool in task.pools:
-        if not needed.issuperset(pool.places):
-            # Another body may fill the place.
-            needed.difference_update(pool.places)
-    return needed
+def _is_needed(task: Task, name: str) -> bool:
+    """Return True if every plan takes a part, as no other one serves for its operation."""
+    fact = task.operations.get(name)
+    return fact in set(task.goal.requires) and all(
+        skill.parameters.get("part") == name
+        for skill in task.skills
+        if any(fact in outcome.add for outcome in skill.effects)
+    )
+
+
+def _find_least_end_s(model: SkillModel, pick: Skill) -> float:
+    """Return the least time at which a part that a skill takes is put down [s]."""
+    held = pick.prediction.add.bits
+    arrives_s = 0.0 if pick.supply is None else pick.supply.arrives_s
+    next_s = min(
+        (_find_least_s(model, s) for s in model.task.skills if s.precondition.requires.bits & held),
+        default=0.0,
+    )
+    return arrives_s + _find_least_s(model, pick) + next_s
 
 
 def _find_least_s(model: SkillModel, skill: Skill) -> float:
