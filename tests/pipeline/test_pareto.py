@@ -3,6 +3,7 @@
 import json
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -13,7 +14,8 @@ from situations import assembly, model_of, small_assemblies
 from skillplan.cli import main
 from skillplan.errors import OptionError
 from skillplan.model import replay
-from skillplan.pipeline import load_problem, make_model, solve, solve_front
+from skillplan.pipeline import Setup, load_problem, make_model, solve, solve_front
+from skillplan.records import Status
 from skillplan.solvers import Objective, Stop, search_front
 from timed_back_end import clock
 
@@ -129,6 +131,28 @@ def test_a_kind_of_task_with_one_cost_has_no_front():
     """It says so."""
     with pytest.raises(OptionError, match="has a single cost"):
         solve_front(load_problem(CONFIGS / "br17.10.sop"), ("time", "distance"))
+
+
+@pytest.mark.parametrize(
+    ("alone", "status", "proved", "words"),
+    [
+        ((Status.OPTIMAL, 1.0, ""), "wrong", False, "auto proves 1.0"),
+        ((Status.SOLVED, 1.0, ""), "wrong", False, "auto finds 1.0"),
+        ((Status.WRONG, None, "why"), "wrong", False, "auto alone ends as wrong: why"),
+        ((Status.SOLVED, 1e3, "time limit"), "optimal", True, "time not confirmed by auto: time"),
+    ],
+)
+def test_a_front_shows_what_another_solver_contradicts_or_does_not_confirm(
+    monkeypatch, alone, status, proved, words
+):
+    names = ("status", "cost", "reason", "solver")
+    result = SimpleNamespace(**dict(zip(names, (*alone, "auto"), strict=True)))
+    monkeypatch.setattr("skillplan.pipeline.pareto.solve", lambda *given, **options: result)
+    setup = Setup(collision=("precedence",))
+    front = solve_front(load_problem(CONFIGS / "inverter_board.yaml"), ("time", "distance"), setup)
+    assert (front.status, front.confirmed_by) == (status, "")
+    assert {point.proved for point in front.points} == {proved}
+    assert words in front.reason
 
 
 def run(command):

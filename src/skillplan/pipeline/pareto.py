@@ -203,8 +203,9 @@ def _replay(
 def _confirm(front: Front, question: _Question, stop: Stop) -> Front:
     """Compare the least of each cost with the proof of a solver for that cost alone."""
     for index, objective in enumerate(question.objectives):
+        missing = f"least {objective.name} not confirmed by {_CONFIRMS}: "
         if stop():
-            return front
+            return replace(front, reason=missing + (stop.reason or "no time left"))
         alone = solve(
             objective.task,
             _CONFIRMS,
@@ -213,13 +214,20 @@ def _confirm(front: Front, question: _Question, stop: Stop) -> Front:
             cache=question.cache,
             jobs=question.jobs,
         )
-        if alone.status is not Status.OPTIMAL or alone.cost is None:
-            return front
         least = min(point.costs[index] for point in front.points)
-        if abs(least - alone.cost) > 2 * tolerance(least):
-            reason = (
-                f"the least {objective.name} of the front is {least!r}; {alone.solver} proves "
-                f"{alone.cost!r}"
-            )
-            return replace(front, status=Status.WRONG, reason=reason)
+        is_proved = alone.status is Status.OPTIMAL
+        fault = ""
+        if alone.status in (Status.WRONG, Status.INFEASIBLE):
+            fault = f"{alone.solver} alone ends as {alone.status.value}: {alone.reason}"
+        elif alone.cost is not None:
+            excess = least - alone.cost
+            if excess > 2 * tolerance(least) or (is_proved and -excess > 2 * tolerance(least)):
+                has = "proves" if is_proved else "finds"
+                fault = f"{alone.solver} {has} {alone.cost!r}"
+        if fault:
+            reason = f"the least {objective.name} of the front is {least!r}; {fault}"
+            points = tuple(replace(point, proved=False) for point in front.points)
+            return replace(front, status=Status.WRONG, points=points, reason=reason)
+        if not is_proved:
+            return replace(front, reason=missing + (alone.reason or alone.status.value))
     return replace(front, confirmed_by=_CONFIRMS)
