@@ -178,6 +178,16 @@ def test_a_task_without_them_keeps_its_facts(load):
             "'plate' would be 180.0 mm deep in the table in 'down'. Raise it, to a height of "
             "0.03 m at least.",
         ),
+        (
+            "goal_m: [0.4, -0.2, 0.1]",
+            "goal_m: [0.55, 0.037], goal_on: plate",
+            "flip.carries: 'arm' stands on 'plate', which turns: name it in 'carries'.",
+        ),
+        (
+            "goal_on: block}",
+            "goal_on: block, other_goals: [{goal_m: [0.54, 0.0], goal_on: block}]}",
+            "'lid' may be at another goal, where the holder is not. Leave it out, or 'other_goals'",
+        ),
         ("[0.3, 0.1]", "[1.3, 0.1]", "workholders.flip.stand_m: out of reach"),
         ("parts: block, turns", "parts: blok, turns", "unknown part 'blok'. Did you mean 'block'?"),
         ("parts: [lid, arm]}", "parts: arm, turns: false}", "has no effect, as no workholder"),

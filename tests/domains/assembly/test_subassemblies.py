@@ -32,6 +32,12 @@ PARTS = {
     },
     "unit": {"made_of": ["base", "cap", "bolt"], "goal_m": [0.5, 0.0]},
 }
+BENCH = {"size_m": [0.1, 0.1, 0.02], "at_m": [0.4, 0.2]}
+TURNTABLE = {
+    "pivot_m": [0.4, 0.2, 0.0],
+    "orientations": {"front": {}, "back": {"rpy_rad": [0, 0, 3.14159265]}},
+    "fixtures": ["bench"],
+}
 SCREWS = {"bolt": {"tool": "driver", "hole_m": [0.41, 0.2], "through": "cap", "mass_kg": 0.01}}
 
 
@@ -143,6 +149,12 @@ def test_a_unit_may_be_part_of_another():
             "goes away with 'unit'",
         ),
         ({}, {"family": {"start_shift_m": 0.01}}, "family", "sub-assemblies"),
+        (
+            {"base": {"goal_on": "bench"}},
+            {"fixtures": {"bench": BENCH}, "workholders": {"table": TURNTABLE}},
+            "parts.base.goal_m",
+            "which turns. Put 'unit' together on a body that stands.",
+        ),
     ],
 )
 def test_a_fault_names_the_member_and_what_is_wrong(changes, sections, where, words):

@@ -109,6 +109,30 @@ def find_resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
                 hint = build_origin_hint(config, (name, *stage.named.get(name, ())))
                 for issue in _find_gaps_in_all(config, name, stage):
                     yield replace(issue, message=f"{issue.message}{hint}")
+    yield from _find_left_behind(config)
+
+
+def _find_left_behind(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield parts beneath which a workholder turns something away."""
+    if not config.workholders:
+        return
+    stage = _collect_goals(config)
+    for name in config.moved_parts:
+        own = find_workholder(config, name)
+        for rest in _find_rests(stage, name):
+            turns = find_workholder(config, rest.on)
+            if turns is None or turns == own:
+                continue
+            words = f"{name!r} stands on {rest.on!r}, which turns"
+            path = ("parts", name, "goal_m" if stage.place(config.parts[name]) else "goal_on")
+            if name in config.joined_in:
+                owner = config.joined_in[name]
+                yield Issue(f"{words}. Put {owner!r} together on a body that stands.", path)
+            elif own is not None:
+                yield Issue(f"{words} with {turns!r}, not {own!r}. Let one carry both.", path)
+            else:
+                yield Issue(f"{words}: name it in 'carries'.", ("workholders", turns, "carries"))
+            break
 
 
 def find_tipping_issues(config: AssemblyConfig) -> Iterator[Issue]:

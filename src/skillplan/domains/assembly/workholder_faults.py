@@ -165,6 +165,9 @@ def _find_held_issues(
         elif given.interchangeable:
             words = f"{part!r} may be at another place, as it is interchangeable."
             yield Issue(f"{words} Give it 'interchangeable: false'.", where)
+        elif given.other_goals:
+            words = f"{part!r} may be at another goal, where the holder is not."
+            yield Issue(f"{words} Leave it out, or 'other_goals'.", where)
         elif goal is not None and given.optional and f"placed({part})" not in goal:
             words = f"{part!r} is optional, and 'goal' does not name it: it may never be placed."
             yield Issue(f"{words} Leave it out, or add placed({part}).", where)
