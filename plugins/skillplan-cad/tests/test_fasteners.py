@@ -188,7 +188,7 @@ def test_a_support_keeps_a_nut_without_a_pocket_from_turning(tmp_path):
     assert run(["import-cad", str(source), "--unit", "mm", "--out", str(out), "--no-cache"]) == 0
     report = json.loads((out / "report.json").read_text())
     assert report["left_out"] == {}
-    assert report["attitude"]["held"] == ["nut M8"]
+    assert report["attitude"]["held"] == ["base", "nut M8"]
     result = tmp_path / "result"
     task = str(out / "product.yaml")
     assert run(["search-optimal", task, "--collision", "swept", "--out", str(result)]) == 0

@@ -262,7 +262,6 @@ class _Standing:
             ground = min(self._lowest.values(), default=0.0)
             # What touches nothing may be a mistake, and is told.
             near = {name for name in self._parts if self._touched[name]}
-            near |= self._find_supported(self._parts, ground).keys()
             borne = self._support(near, ground)
             bearing = self._order(borne, ground, undriven)
             if len(bearing.order) > len(best.order) - bool(self._turning):
