@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from situations import assembly
-from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
+from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain, find_hints
 from skillplan.physics import plan_linear_motions
 from skillplan.robots import STANDARD_HAND
 from skillplan.task import ToolKind
@@ -302,6 +302,27 @@ def test_a_mounted_tool_without_its_keys_is_a_fault(changes, words):
     except ValidationError as error:
         messages = [str(error)]
     assert any(words in message for message in messages)
+
+
+def test_a_part_is_for_one_of_the_tools_on_a_hand():
+    """Else one of them might place what the other one has picked."""
+    content = duo()
+    content["parts"]["lid"]["other_tools"] = ["hand"]
+    assert issues_of(content) == [
+        (
+            ("parts", "lid", "other_tools", 0),
+            "'hand' and 'cup' are on one hand, and one of them has to pick and place the part. "
+            "Name only one.",
+        )
+    ]
+
+
+def test_a_dwell_of_another_tool_has_an_effect():
+    content = content_of()
+    content["tools"]["cup"] = {"type": "suction", "holder_m": [0.3, 0.4]}
+    content["tools"]["cup"]["durations_s"] = {"pick": 1.0}
+    content["parts"]["part"]["other_tools"] = ["cup"]
+    assert not list(find_hints(AssemblyConfig.model_validate(content)))
 
 
 def test_a_hand_with_a_driver_on_its_side_lies_away_from_the_base():

@@ -34,6 +34,7 @@ def find_choice_issues(config: AssemblyConfig) -> Iterator[Issue]:
                     yield Issue(f"unknown tool {tool!r}. {hint}", (*here, index))
                 elif tool == owner.tool or tool in named[:index]:
                     yield Issue(f"{tool!r} stands twice. Keep one.", (*here, index))
+    yield from _find_shared_hands(config)
     for name, part in config.parts.items():
         for key in ("other_goals", "other_tools", "interchangeable"):
             if part.buffers and getattr(part, key) is not None:
@@ -57,6 +58,22 @@ def find_choice_issues(config: AssemblyConfig) -> Iterator[Issue]:
                     yield Issue(f"unknown part {other!r}. {hint}", (*here, index, "goal_on"))
     yield from _find_different_parts(config)
     yield from _find_named_parts(config)
+
+
+def _find_shared_hands(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield tools of one part on one hand: no fact says which of them has the part."""
+    for name, part in config.parts.items():
+        tool_of = dict[str, str]()
+        for index, tool in enumerate((part.tool, *(part.other_tools or ()))):
+            if tool not in config.tools:
+                continue
+            first = tool_of.setdefault(config.find_carrier(tool), tool)
+            if first != tool:
+                words = f"{tool!r} and {first!r} are on one hand, and one of them has to pick and "
+                yield Issue(
+                    f"{words}place the part. Name only one.",
+                    ("parts", name, "other_tools", index - 1),
+                )
 
 
 def _find_named_parts(config: AssemblyConfig) -> Iterator[Issue]:

@@ -60,9 +60,9 @@ def _find_idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
             )
             yield Issue(message, ("screws", name, "durations_s", "fetch"))
     for name, tool in config.tools.items():
-        screws = [screw for screw in config.screws.values() if screw.tool == name]
+        screws = [screw for screw in config.screws.values() if name in screw.tools]
         fetched = any(screw.feeder or screw.start_m for screw in screws)
-        holds = any(part.tool == name for part in config.parts.values())
+        holds = any(name in part.tools for part in config.parts.values())
         is_used = {"pick": holds, "place": holds, "fasten": bool(screws), "fetch": fetched}
         for kind in list_given_kinds(tool):
             if not is_used.get(kind, True):
