@@ -96,6 +96,17 @@ def test_a_pick_waits_for_the_feeder_unless_other_work_fills_the_time(load):
     assert picks[1] == "pick(clip)"
 
 
+def test_a_cup_on_another_hand_waits_for_the_feeder(belt):
+    cup = {"type": "suction", "mounted_on": "hand", "mass_kg": 0.1, "length_m": 0.12}
+    task = belt(
+        tools__hand={"holder_m": [0.25, 0.4]},
+        tools__cup={**cup, "mount_m": [0.0, 0.08, 0.0]},
+        initial_tool="hand",
+        feeders__nuts__cycle_s=CYCLE_S,
+    )
+    assert solve(task, setup=BOXES).cost == pytest.approx(min(map(time_of, permutations(GOALS))))
+
+
 def test_the_wait_counts_in_times_of_trajectories(load):
     task = load(cycle_s=CYCLE_S)
     names = ["pick(nut_1)", "place(nut_1)", "pick(nut_2)", "place(nut_2)"]

@@ -16,7 +16,7 @@ from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig, choose_variant
 from skillplan.domains.assembly.schema_types import find_dwell_s
 from skillplan.domains.assembly.screw_holes import find_driving
-from skillplan.domains.assembly.vocabulary import list_place_options, name_start
+from skillplan.domains.assembly.vocabulary import list_place_options, name_attached, name_start
 from skillplan.domains.assembly.works import list_work_points
 from skillplan.errors import Issue
 from skillplan.task.cost import WaitingCost, WeightedCost, compute_planar_distance
@@ -40,7 +40,7 @@ def add_waits(
         after = {}
         for name, part in parts.items():
             place = skills[f"place({name})"]
-            begins = facts.of(f"held({name})", f"tool({part.tool})", f"at({feeder})")
+            begins = facts.of(f"held({name})", name_attached(config, part.tool), f"at({feeder})")
             after[facts.bit(f"at({name}.goal)")] = place.name, place.duration_s.at(begins)
         for name in parts:
             pick = skills.get(f"pick({name})")
