@@ -32,6 +32,7 @@ PARTS = {
     },
     "unit": {"made_of": ["base", "cap", "bolt"], "goal_m": [0.5, 0.0]},
 }
+LID = {"size_m": [0.02, 0.02, 0.01], "start_m": [0.6, -0.3], "goal_m": [0.38, 0.2]}
 BENCH = {"size_m": [0.1, 0.1, 0.02], "at_m": [0.4, 0.2]}
 TURNTABLE = {
     "pivot_m": [0.4, 0.2, 0.0],
@@ -136,19 +137,24 @@ def test_a_unit_may_be_part_of_another():
         ({"unit": {"made_of": ["base", "bolt"]}}, {}, "parts.unit.made_of.1", "not part of 'unit'"),
         ({"cap": {"optional": True}}, {}, "parts.unit.made_of.1", "optional"),
         (
-            {
-                "lid": {
-                    "size_m": [0.02, 0.02, 0.01],
-                    "start_m": [0.6, -0.3],
-                    "goal_m": [0.38, 0.2],
-                    "goal_on": "base",
-                }
-            },
+            {"lid": {**LID, "goal_on": "base"}},
             {},
             "parts.lid.goal_on.0",
             "goes away with 'unit'",
         ),
         ({}, {"family": {"start_shift_m": 0.01}}, "family", "sub-assemblies"),
+        (
+            {"unit": {"made_of": ["base", "cap"]}},
+            {},
+            "screws.bolt.through",
+            "'cap' goes away with 'unit': name 'bolt' in its 'made_of'.",
+        ),
+        (
+            {"lid": {**LID, "fits": {"base": {"kind": "clearance", "drawn_m": 1e-4}}}},
+            {},
+            "parts.lid.fits.base",
+            "'base' goes away with 'unit'. Name that.",
+        ),
         (
             {"base": {"goal_on": "bench"}},
             {"fixtures": {"bench": BENCH}, "workholders": {"table": TURNTABLE}},

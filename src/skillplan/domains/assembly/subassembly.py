@@ -6,7 +6,7 @@ with their shapes, which is picked and placed as any part.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from skillplan.domains.assembly.layout import Layout
 from skillplan.domains.assembly.part_schema import PartConfig
@@ -106,6 +106,27 @@ def find_subassembly_issues(config: AssemblyConfig) -> Iterator[Issue]:
             if owner is not None and name != owner and owners.get(name) != owner:
                 words = f"{other!r} goes away with {owner!r}. Name that."
                 yield Issue(words, ("parts", name, "goal_on", index))
+        for other in part.fits or {}:
+            owner = owners.get(other)
+            if owner is not None and name != owner and owners.get(name) != owner:
+                words = f"{other!r} goes away with {owner!r}. Name that."
+                yield Issue(words, ("parts", name, "fits", other), at_key=True)
+    yield from _find_screws_left(config, owners)
+
+
+def _find_screws_left(config: AssemblyConfig, owners: Mapping[str, str]) -> Iterator[Issue]:
+    """Yield screws in members of a sub-assembly that are none themselves."""
+    for name, screw in config.screws.items():
+        owner = owners.get(screw.through)
+        if owner is not None and owners.get(name) != owner:
+            words = f"{screw.through!r} goes away with {owner!r}: name {name!r} in its 'made_of'."
+            yield Issue(words, ("screws", name, "through"))
+            continue
+        for index, other in enumerate(screw.into_names):
+            owner = owners.get(other)
+            if owner is not None and owners.get(name) != owner:
+                words = f"{other!r} goes away with {owner!r}. Name that."
+                yield Issue(words, ("screws", name, "into", index))
 
 
 def _find_member_faults(config: AssemblyConfig, owner: str, member: str) -> Iterator[str]:
