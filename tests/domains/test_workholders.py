@@ -188,6 +188,12 @@ def test_a_task_without_them_keeps_its_facts(load):
             "goal_on: block, other_goals: [{goal_m: [0.54, 0.0], goal_on: block}]}",
             "'lid' may be at another goal, where the holder is not. Leave it out, or 'other_goals'",
         ),
+        (
+            "{up: {}",
+            "{up: {shift_m: [0, 0, 0.1]}",
+            "up.shift_m: 'up' is the one at the start, from",
+        ),
+        ("parts: block, turns", "parts: block, stays: true, takes_s: 1.0, turns", "takes no time"),
         ("[0.3, 0.1]", "[1.3, 0.1]", "workholders.flip.stand_m: out of reach"),
         ("parts: block, turns", "parts: blok, turns", "unknown part 'blok'. Did you mean 'block'?"),
         ("parts: [lid, arm]}", "parts: arm, turns: false}", "has no effect, as no workholder"),

@@ -114,6 +114,13 @@ def _find_idle_orientations(config: AssemblyConfig, name: str) -> Iterator[Issue
     entry = config.workholders[name]
     seen: dict[str, Pose] = {}
     own = [fixture for fixture in entry.fixtures or () if fixture in config.fixtures]
+    start, first = next(iter(entry.orientations.items()))
+    given = [key for key in ("rpy_rad", "shift_m") if any(getattr(first, key))]
+    for key in given:
+        words = f"{start!r} is the one at the start, from which others turn. Leave it out."
+        yield Issue(words, ("workholders", name, "orientations", start, key))
+    if given:
+        return
     for key, orientation in zip(
         entry.orientations, list_workholder_orientations(config, name), strict=True
     ):

@@ -138,6 +138,8 @@ class HolderConfig(Strict):
     def _stays_for_one(self) -> HolderConfig:
         if self.stays and self.kind == "clamp":
             raise Located("a clamp closes on a part that is placed. Give kind hold.", "stays")
+        if self.stays and "takes_s" in self.model_fields_set:
+            raise Located("it is set from the start, which takes no time. Leave it out.", "takes_s")
         if self.stays and len(self.parts) > 1:
             raise Located("it stays for one part. Give each a holder of its own.", "parts")
         return self
