@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from situations import assembly, crowded_assemblies, imagined_state, model_of
 from skillplan.checks import Feasibility
-from skillplan.domains.assembly import AssemblyConfig, find_issues
+from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain, find_issues
 from skillplan.judge import find_least_cost_of_states
 from skillplan.model import SkillModel, replay
 from skillplan.pipeline import solve
@@ -150,6 +150,19 @@ def test_costs_in_order_have_the_fewest_turns_first(cost, turns):
     result = solve(assembly({**SLIDING, "cost": cost}))
     assert sum(step.skill.startswith("turn(") for step in result.steps) == turns
     assert result.cost < 100
+
+
+@pytest.mark.parametrize("cost", [["turns", "distance"], "turns"])
+def test_a_tool_with_the_name_of_a_kind_of_skill_does_not_count(cost):
+    tool = {"turn": {"holder_m": [0.1, 0.3]}}
+    parts = {name: {**part, "tool": "turn"} for name, part in SLIDING["parts"].items()}
+    content = {**SLIDING, "tools": tool, "initial_tool": "turn", "parts": parts}
+    config = AssemblyConfig.model_validate({**content, "cost": ["turns", "distance"]})
+    domain = AssemblyDomain()
+    chosen = config if isinstance(cost, list) else domain.with_cost(config, cost)
+    (task,) = domain.ground(chosen, "")
+    costs = [skill.cost.at(task.initial) for skill in task.skills if skill.kind == "pick"]
+    assert max(costs) < 1
 
 
 def test_a_cost_in_order_is_shown_as_counts():

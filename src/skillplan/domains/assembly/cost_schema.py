@@ -100,15 +100,21 @@ CostChoice = Annotated[
 Choice = str | list[Term] | CostConfig
 
 
+class _CountConfig(CostConfig):
+    """Counts of skills before the rest of a sum; tools may have the names of kinds of skills."""
+
+    counts: dict[str, float]
+
+
 @lru_cache(maxsize=64)
-def _weigh_terms(terms: tuple[Term, ...]) -> CostConfig:
+def _weigh_terms(terms: tuple[Term, ...]) -> _CountConfig:
     """Return costs in order as a weighted sum, in which a count outweighs the later ones."""
-    last, wear, weight = terms[-1], dict[str, float](), _FIRST_WEIGHT
+    last, counts, weight = terms[-1], dict[str, float](), _FIRST_WEIGHT
     for term in reversed(terms[:-1]):
-        wear |= dict.fromkeys(_KINDS[term], weight)
+        counts |= dict.fromkeys(_KINDS[term], weight)
         weight *= _NEXT_WEIGHT
     per_s = float(last == "time")
-    return CostConfig(unit=_METRICS[last].unit, per_m=1 - per_s, per_s=per_s, wear=wear)
+    return _CountConfig(unit=_METRICS[last].unit, per_m=1 - per_s, per_s=per_s, counts=counts)
 
 
 def weigh_cost(cost: Choice) -> str | CostConfig:
@@ -122,13 +128,15 @@ def make_metric(cost: Choice) -> Metric:
         return _METRICS[cost]
     if isinstance(cost, list):
         sums, last = _weigh_terms(tuple(cost)), _METRICS[cost[-1]]
-        ranks = tuple((term[:-1], sums.wear[_KINDS[term][0]]) for term in cost[:-1])
+        ranks = tuple((term[:-1], sums.counts[_KINDS[term][0]]) for term in cost[:-1])
         rates = tuple(f"{weight:,.0f} {last.unit} per {name}" for name, weight in ranks)
         return Metric("cost", last.unit, last.decimals, per_s=sums.per_s, terms=rates, ranks=ranks)
     per = f"{cost.unit}/" if cost.unit else "1/"
     terms = [f"{weight:g} {per}{unit}" for weight, unit in _list_rates(cost) if weight]
     if cost.wear:
         terms.append(f"wear of {', '.join(cost.wear)}")
+    if isinstance(cost, _CountConfig):
+        terms += [f"{weight:g} per {kind}" for kind, weight in cost.counts.items()]
     return Metric("cost", cost.unit, decimals=4, per_s=cost.per_s, terms=tuple(terms))
 
 
@@ -149,6 +157,8 @@ def compute_fixed_cost(
     tool = None if kind in _NO_USES else parameters.get("tool")
     subjects = [subject for subject in (tool, kind, name) if subject is not None]
     wear = sum(cost.wear.get(subject, 0.0) for subject in subjects)
+    if isinstance(cost, _CountConfig):
+        wear += cost.counts.get(kind, 0.0)
     energy_j = cost.energy_j.get(name, cost.energy_j.get(kind, 0.0))
     return wear + cost.per_kj * energy_j / _J_PER_KJ
 
@@ -206,7 +216,7 @@ def choose_cost(cost: Choice, name: str) -> Choice:
     if isinstance(cost, str) or name in _METRICS:
         return name
     if name in _KINDS:
-        return CostConfig(unit=name, wear=dict.fromkeys(_KINDS[name], 1.0))
+        return _CountConfig(unit=name, counts=dict.fromkeys(_KINDS[name], 1.0))
     if isinstance(cost, list):
         return cost
     if name == "wear":
