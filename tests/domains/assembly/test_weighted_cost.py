@@ -171,8 +171,33 @@ def test_a_cost_in_order_is_shown_as_counts():
     assert metric.text(10000.0 - 1e-9) == "1 turn, -0.00000 m".replace("-", "")
 
 
+def with_part(**keys):
+    """Return keys of the sliding table with some of a part."""
+    return {"parts": {**SLIDING["parts"], "left": {**SLIDING["parts"]["left"], **keys}}}
+
+
+@pytest.mark.parametrize(
+    "slow",
+    [with_part(arrives_s=20_000.0), with_part(durations_s={"place": 15_000.0})],
+    ids=["late", "long"],
+)
+def test_a_count_outweighs_late_parts_and_long_waits(slow):
+    task = assembly({**SLIDING, **slow, "cost": ["turns", "time"]})
+    result = solve(task, "exact")
+    assert result.status == "optimal"
+    assert result.makespan_s > 10_000
+    assert task.metric.text(result.cost).startswith("0 turns, ")
+
+
 def test_an_order_names_counts_that_the_task_has():
-    config = AssemblyConfig.model_validate({**SLIDING, "cost": ["holds", "time"]})
-    (issue,) = find_issues(config)
-    assert issue.path == ("cost", 0)
-    assert "'holds' has no effect, as the task has no 'holders'" in issue.message
+    """A support that is set from the start is not counted."""
+    support = {"fork": {"kind": "hold", "parts": "left", "stays": True}}
+    for keys, reason in (
+        ({}, "the task has no 'holders'"),
+        ({"holders": support}, "from the start"),
+    ):
+        config = AssemblyConfig.model_validate({**SLIDING, **keys, "cost": ["holds", "time"]})
+        (issue,) = find_issues(config)
+        assert issue.path == ("cost", 0)
+        assert issue.message.startswith("'holds' has no effect, as ")
+        assert reason in issue.message

@@ -39,7 +39,12 @@ def find_issues(config: AssemblyConfig) -> list[Issue]:
                 () if held else _check_lists(config),
                 _check_step_limit(config),
                 _check_product_parts(config),
-                find_cost_issues(config.cost, config.tools, list_actions(config)),
+                find_cost_issues(
+                    config.cost,
+                    config.tools,
+                    list_actions(config),
+                    have_holders=bool(config.holders),
+                ),
             ),
             _MAX_ISSUES,
         )

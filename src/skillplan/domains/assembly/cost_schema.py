@@ -26,8 +26,9 @@ _NO_USES = ("place", "load", "offload", "turn")
 _J_PER_KJ = 1000.0
 # Skills that are counted.
 _KINDS: Mapping[str, tuple[str, ...]] = {"holds": ("clamp", "hold"), "turns": ("turn",)}
-# Weight of the last count in the unit of what follows, and of each count in that of the next.
-_FIRST_WEIGHT, _NEXT_WEIGHT = 1e4, 100.0
+# Least weight of the last count in the unit of what follows, of which it is a multiple, and weight
+# of each count in that of the next.
+_LEAST_WEIGHT, _NEXT_WEIGHT = 1e4, 100.0
 
 
 class CostConfig(Strict):
@@ -79,7 +80,9 @@ CostOrder = Annotated[
         min_length=2,
         max_length=3,
         description="fewest of the first, then of the next, then the least of the last, which is "
-        "time or distance; among plans below 10,000 s or m and 100 of the second",
+        "time or distance; one counts as 10,000 s or m, or as a multiple of it above twice the "
+        "arrivals, waits and travels of a plan that does each operation once, and 100 of the "
+        "second as one of the first",
     ),
     AfterValidator(_check_order),
 ]
@@ -107,9 +110,11 @@ class _CountConfig(CostConfig):
 
 
 @lru_cache(maxsize=64)
-def _weigh_terms(terms: tuple[Term, ...]) -> _CountConfig:
+def _weigh_terms(terms: tuple[Term, ...], most: float) -> _CountConfig:
     """Return costs in order as a weighted sum, in which a count outweighs the later ones."""
-    last, counts, weight = terms[-1], dict[str, float](), _FIRST_WEIGHT
+    last, counts = terms[-1], dict[str, float]()
+    # Back ends may need more time than the task states.
+    weight = _LEAST_WEIGHT * (1 + 2 * most // _LEAST_WEIGHT)
     for term in reversed(terms[:-1]):
         counts |= dict.fromkeys(_KINDS[term], weight)
         weight *= _NEXT_WEIGHT
@@ -117,17 +122,23 @@ def _weigh_terms(terms: tuple[Term, ...]) -> _CountConfig:
     return _CountConfig(unit=_METRICS[last].unit, per_m=1 - per_s, per_s=per_s, counts=counts)
 
 
-def weigh_cost(cost: Choice) -> str | CostConfig:
-    """Return a cost by name, or as a weighted sum."""
-    return _weigh_terms(tuple(cost)) if isinstance(cost, list) else cost
+def weigh_cost(cost: Choice, most: float = 0.0) -> str | CostConfig:
+    """Return a cost by name, or as a weighted sum.
+
+    Parameters
+    ----------
+    most
+        What comes last in costs in order is not expected to be more than this [s or m].
+    """
+    return _weigh_terms(tuple(cost), most) if isinstance(cost, list) else cost
 
 
-def make_metric(cost: Choice) -> Metric:
-    """Return the metric of a cost."""
+def make_metric(cost: Choice, most: float = 0.0) -> Metric:
+    """Return the metric of a cost; for `most` see `weigh_cost`."""
     if isinstance(cost, str):
         return _METRICS[cost]
     if isinstance(cost, list):
-        sums, last = _weigh_terms(tuple(cost)), _METRICS[cost[-1]]
+        sums, last = _weigh_terms(tuple(cost), most), _METRICS[cost[-1]]
         ranks = tuple((term[:-1], sums.counts[_KINDS[term][0]]) for term in cost[:-1])
         rates = tuple(f"{weight:,.0f} {last.unit} per {name}" for name, weight in ranks)
         return Metric("cost", last.unit, last.decimals, per_s=sums.per_s, terms=rates, ranks=ranks)
@@ -163,20 +174,27 @@ def compute_fixed_cost(
     return wear + cost.per_kj * energy_j / _J_PER_KJ
 
 
-def find_cost_issues(cost: Choice, tools: Iterable[str], actions: Sequence[str]) -> Iterator[Issue]:
+def find_cost_issues(
+    cost: Choice, tools: Iterable[str], actions: Sequence[str], *, have_holders: bool
+) -> Iterator[Issue]:
     """Yield unknown names, and keys and counts without effect, of costs.
 
     Parameters
     ----------
     tools, actions
         Names of the task's tools and skills.
+    have_holders
+        True if the task has holders, which may all be set from the start.
     """
     kinds = list(dict.fromkeys(action.partition("(")[0] for action in actions))
     if isinstance(cost, list):
         for number, term in enumerate(cost[:-1]):
             if not set(_KINDS[term]) & set(kinds):
                 needed = "'holders'" if term == "holds" else "'workholders'"
-                message = f"{term!r} has no effect, as the task has no {needed}. Leave it out."
+                reason = f"the task has no {needed}"
+                if term == "holds" and have_holders:
+                    reason = "all 'holders' are set from the start ('stays: true')"
+                message = f"{term!r} has no effect, as {reason}. Leave it out."
                 yield Issue(message, ("cost", number))
         return
     if isinstance(cost, str):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.cost_schema import (
@@ -93,8 +94,15 @@ MOST_STEPS = 100_000
 _LEAST_STRETCH_M = 0.05
 # Mass of a fixture [kg]: no back end moves it.
 _FIXTURE_KG = 1.0
+# Greatest number of travels across the cell that one operation needs: to a buffer and back, with a
+# change of tools and a turn.
+_CROSSINGS = 8
 # Greatest probability that a part is left behind after all tries that the step limit allows.
 _LEFT_BEHIND = 1e-3
+
+
+def _measure_path(points: Sequence[Point]) -> float:
+    return sum(math.dist(begin, end) for begin, end in pairwise(points))
 
 
 def ground(config: AssemblyConfig, sha256: str) -> Task:
@@ -124,6 +132,8 @@ class _Grounding:
             for part in vocabulary.list_missed_parts(config)
         }
         self.slow_behind_m = self._add_slow_travel(self.behind_m)
+        # Costs in order weigh a count by what comes last.
+        self.most = self._estimate_most(config.cost[-1]) if isinstance(config.cost, list) else 0.0
 
     def _add_slow_travel(self, behind_m: Mapping[int, float]) -> Mapping[int, float]:
         """Return the paths of failed grasps, longer by what the tip loses in slow zones [m]."""
@@ -147,6 +157,50 @@ class _Grounding:
             if zone.speed_m_per_s is not None and zone.low_m < robot.safe_height_m < zone.high_m
         ]
         return SlowTravel(slow, 1 / robot.travel_speed_m_per_s) if slow else None
+
+    def _estimate_most(self, last: str) -> float:
+        """Return about the most time or path of a plan that does each operation once [s or m].
+
+        The latest part arrives before the first operation. Before each one the arm changes tools,
+        turns all workholders, and crosses the cell; then holders close and open.
+        """
+        config = self.config
+        paths_m = {name: list_work_points(config, name) for name in config.works}
+        count = len(config.moved_parts) + len(config.screws) + len(config.works)
+        lows, highs = (
+            [choose(axis) for axis in zip(*self.positions.values(), strict=True)]
+            for choose in (min, max)
+        )
+        travels_m = _CROSSINGS * count * math.dist(lows, highs)
+        if last == "distance":
+            return travels_m + sum(_measure_path(points) for points in paths_m.values())
+
+        def dwell_s(kind: str, *owners: PartConfig | ScrewConfig) -> float:
+            tools = {tool for owner in owners for tool in owner.tools} or config.carriers
+            return max(
+                find_dwell_s(kind, config.durations_s, *owners, config.tools[t]) for t in tools
+            )
+
+        each_s = dwell_s("load") + dwell_s("offload")
+        each_s += sum(entry.takes_s for entry in config.workholders.values())
+        most_s = max((part.arrives_s or 0.0 for part in config.parts.values()), default=0.0)
+        most_s += count * each_s
+        for part in config.moved_parts.values():
+            waits_s = [fit.wait_s or 0.0 for fit in (part.fits or {}).values()]
+            visits = 2 if part.buffers else 1
+            most_s += visits * (dwell_s("pick", part) + dwell_s("place", part))
+            most_s += max(waits_s, default=0.0)
+        for name, screw in config.screws.items():
+            variants = [choose_variant(config, name, tool=tool) for tool in screw.tools]
+            most_s += max(find_driving(variant, name).takes_s for variant in variants)
+            most_s += dwell_s("fetch", screw)
+        for name, work in config.works.items():
+            most_s += work.dwell_s + _measure_path(paths_m[name]) / work.speed_m_per_s
+        for holder in config.holders.values():
+            most_s += 2 * len(holder.parts) * holder.takes_s
+        speeds = [zone.speed_m_per_s for zone in config.zones.values()]
+        slowest = min([config.robot.travel_speed_m_per_s, *filter(None, speeds)])
+        return most_s + travels_m / slowest
 
     def build_task(self, sha256: str) -> Task:
         """Return the task."""
@@ -191,7 +245,7 @@ class _Grounding:
                 *(name_open(name) for name, h in config.holders.items() if not h.stays),
             ),
             goal=Condition(facts.of(*goal), facts.none),
-            metric=make_metric(config.cost),
+            metric=make_metric(config.cost, self.most),
             step_limit=choose_step_limit(config),
             scene=_build_scene(config, {f"at({name})": p for name, p in self.positions.items()}),
             reward=self._build_reward(order),
@@ -420,7 +474,7 @@ class _Grounding:
         duration_s: Cost,
     ) -> Cost:
         """Return the cost of a skill in the task's metric."""
-        weights = weigh_cost(self.config.cost)
+        weights = weigh_cost(self.config.cost, self.most)
         if isinstance(weights, CostConfig):
             fixed = compute_fixed_cost(weights, kind, name, parameters)
             return WeightedCost(distance_m, weights.per_m, duration_s, weights.per_s, fixed)
