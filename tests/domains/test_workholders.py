@@ -216,3 +216,51 @@ def test_faults_are_told_with_their_place(load, old, new, message):
         load(text.replace(old, new, 1))
     assert message in str(caught.value)
     assert "cell.yaml:" in str(caught.value)
+
+
+TABLE = """
+kind: assembly
+name: table
+robot: {{name: panda, home_m: [0.35, 0.0], safe_height_m: 0.3}}
+tools: {{gripper: {{opening_m: 0.08, holder_m: [0.30, -0.40]}}}}
+initial_tool: gripper
+fixtures: {{plate: {{size_m: [{length_m}, 0.1, 0.02], at_m: [{x_m}, 0.0, 0.06]}}}}
+workholders:
+  t:
+    pivot_m: [{x_m}, 0.0, 0.1]
+    orientations: {{a: {{}}, b: {{rpy_rad: {turn}}}}}
+    fixtures: plate
+parts:
+  base: {{tool: gripper, size_m: [0.05, 0.05, 0.02], start_m: [0.4, -0.3], goal_on: plate, {goal}}}
+zones: {{z: {{min_m: [0.55, -0.05], max_m: [0.65, 0.05], keeps_out: {mover}}}}}
+"""
+HALF, FLIP = [0, 0, 3.14159265], [3.14159265, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "turn", "useless", "message"),
+    [
+        ({"x_m": 0.7, "length_m": 0.6, "goal": "goal_m: [0.92, 0.0]"}, HALF, FLIP, "out of reach"),
+        ({"mover": "arm"}, HALF, FLIP, "the grasp of 'base' at its goal, at (0.600, "),
+        ({"mover": "load"}, HALF, FLIP, "the goal of 'base' is in the zone z"),
+        (
+            {
+                "length_m": 0.1,
+                "goal": "goal_m: [0.5, 0.0, 0.06], goal_rpy_rad: [3.14159265, 0, 0], "
+                "insert_along: [0, 0, 1]}\nholders: {c: {kind: hold, parts: base}",
+            },
+            FLIP,
+            HALF,
+            "no hand can hold it from the top at its goal, where the hand would be in the table",
+        ),
+    ],
+    ids=["reach", "arm", "load", "hand"],
+)
+def test_a_goal_is_at_fault_only_if_it_is_in_every_orientation(
+    load, changes, turn, useless, message
+):
+    values = {"x_m": 0.5, "length_m": 0.3, "goal": "goal_m: [0.6, 0.0]", "mover": "arm", **changes}
+    load(TABLE.format(turn=turn, **values))
+    with pytest.raises(SkillplanError) as caught:
+        load(TABLE.format(turn=useless, **values))
+    assert message in str(caught.value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations, product
 
 from skillplan.collision.boxes import WorldBox, box_at
@@ -18,6 +19,7 @@ from skillplan.domains.assembly.resting import find_buffer_issues, find_resting_
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.screw_holes import find_shank_issues
 from skillplan.domains.assembly.screw_schema import ScrewConfig
+from skillplan.domains.assembly.workholding import list_goal_poses, list_orientations, turn_pose
 from skillplan.domains.assembly.works import find_work_issues, list_work_points
 from skillplan.domains.assembly.zone_faults import find_zone_issues
 from skillplan.errors import Issue
@@ -149,8 +151,7 @@ def _find_unreachable_places(config: AssemblyConfig) -> Iterator[Issue]:
     places = [*_list_places(config)]
     above: list[tuple[tuple[str | int, ...], str, float]] = []
     for path, (x_m, y_m, z_m), lift_m, spare_m in places:
-        distance_m = math.dist(base, (x_m, y_m, z_m + lift_m)) - spare_m
-        lifted_m = math.dist(base, (x_m, y_m, max(safe_m, z_m) + lift_m)) - spare_m
+        distance_m, lifted_m = _measure_ways_m(config, (x_m, y_m, z_m), lift_m, spare_m)
         if distance_m > reach_m:
             yield Issue(f"out of reach: {_compare_m(distance_m, reach_m)}.", path)
         elif lifted_m > reach_m:
@@ -171,6 +172,17 @@ def _find_unreachable_places(config: AssemblyConfig) -> Iterator[Issue]:
         yield Issue(f"out of reach at robot.safe_height_m, {safe_m:g} m: {words}.", path)
 
 
+def _measure_ways_m(
+    config: AssemblyConfig, point: Point, lift_m: float, spare_m: float
+) -> tuple[float, float]:
+    """Return the distances of a place from the base, at its own and at the safe height [m]."""
+    x_m, y_m, z_m = point
+    base, safe_m = config.robot.base_m, config.robot.safe_height_m
+    heights_m = z_m + lift_m, max(safe_m, z_m) + lift_m
+    distance_m, lifted_m = (math.dist(base, (x_m, y_m, at_m)) - spare_m for at_m in heights_m)
+    return distance_m, lifted_m
+
+
 def _compare_m(distance_m: float, reach_m: float) -> str:
     return f"{distance_m:.3f} m from the base, where {reach_m:.3f} m is the most"
 
@@ -181,8 +193,13 @@ def _list_places(
     """Yield each place that the arm goes to: key path, point, height of the arm's tip above it [m].
 
     The last number is the distance by which a tool may bring the arm's tip nearer to the base [m]:
-    it is beyond the arm's tip, and in some direction.
+    it is beyond the arm's tip, and in some direction. On a workholder it is the place in the best
+    orientation.
     """
+
+    def find_farther_m(place: tuple[Point, float, float]) -> float:
+        return max(_measure_ways_m(config, *place))
+
     robot, layout = config.robot, get_layout(config)
     beyond_m = {}
     for name, tool in config.tools.items():
@@ -210,13 +227,19 @@ def _list_places(
         if part.feeder is None:
             key = "start_m" if part.start_m is not None else "start_on"
             yield ("parts", name, key), *_measure_load(layout.start(name), part, spare_m)
-        yield ("parts", name, "goal_m"), *_measure_load(layout.goal(name), part, spare_m)
+        goal = layout.goal(name)
+        turned = [replace(goal, pose=pose) for pose in list_goal_poses(config, name, goal.pose)]
+        loads = [_measure_load(solid, part, spare_m) for solid in turned]
+        yield ("parts", name, "goal_m"), *min(loads, key=find_farther_m)
         for buffer in part.buffers or ():
             solid = layout.buffered(name, buffer)
             yield ("buffers", buffer, "at_m"), *_measure_load(solid, part, spare_m)
     for name, screw in config.screws.items():
         spare_m = abs(beyond_m[screw.tool])
-        yield ("screws", name, "hole_m"), layout.hole(screw), 0.0, spare_m
+        hole = layout.hole_pose(screw)
+        turns = list_orientations(config, name)
+        holes = [(turn_pose(hole, turn.motion).position, 0.0, spare_m) for turn in turns]
+        yield ("screws", name, "hole_m"), *min(holes, key=find_farther_m)
         if screw.start_m is not None and (place := layout.fetch(screw)) is not None:
             yield ("screws", name, "start_m"), place, 0.0, spare_m
     for path, point in _list_work_places(config):

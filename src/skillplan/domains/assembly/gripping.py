@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from skillplan.domains.assembly.holding import (
@@ -22,6 +22,7 @@ from skillplan.domains.assembly.tool_schema import (
     SAFETY_FACTOR,
     ToolConfig,
 )
+from skillplan.domains.assembly.workholding import list_goal_poses
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import grasp_boxes
 from skillplan.robots.arm_description import Hand
@@ -41,7 +42,10 @@ _UPWARDS = 0.3
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
-    """One grasp of a part, the path of its entry in the file, and the part's poses."""
+    """One grasp of a part, the path of its entry in the file, and the part's poses.
+
+    At its goal a part has a pose for each orientation of its workholder, of which one is enough.
+    """
 
     part: PartConfig
     handle: Handle
@@ -49,7 +53,7 @@ class _Choice:
     path: tuple[str | int, ...]
     tool: ToolConfig
     hand: Hand
-    poses: Mapping[str, Pose]
+    poses: Mapping[str, Sequence[Pose]]
 
 
 def choose_tool_kind(config: AssemblyConfig, tool: str) -> ToolKind:
@@ -260,7 +264,10 @@ def _make_choice(
     tool = config.tools[part.tool]
     hand = tool.hand_on(config.robot.hand) or config.robot.hand
     kind = default if grasp.type is None else GraspKind(grasp.type)
-    poses = {"at the start": layout.start(name).pose, "at its goal": layout.goal(name).pose}
+    poses = {
+        "at the start": [layout.start(name).pose],
+        "at its goal": list_goal_poses(config, name, layout.goal(name).pose),
+    }
     handle = Handle(grasp, kind, part.shapes, hand)
     return _Choice(part, handle, grasp, path, tool, hand, poses)
 
@@ -359,7 +366,7 @@ def _find_weak_suction(choice: _Choice) -> Iterator[Issue]:
     rate = tool.acceleration_m_per_s2
     rate = ACCELERATION_M_PER_S2 if rate is None else rate
     approach = choice.handle.approach
-    above = all(pose.rotate(approach)[2] < -_FROM_ABOVE for pose in choice.poses.values())
+    above = all(pose.rotate(approach)[2] < -_FROM_ABOVE for pose, *_ in choice.poses.values())
     if above:
         needed_m_per_s2 = _GRAVITY_M_PER_S2 + rate / _CUP_FRICTION
         words = f"({_GRAVITY_M_PER_S2:g} + {rate:g} / {_CUP_FRICTION:g}) m/s2"
@@ -489,10 +496,8 @@ def _report_width(choice: _Choice, grasp: Grasp, opening_m: float) -> Issue:
 def _find_table_faults(choice: _Choice) -> Iterator[Issue]:
     """Yield a hand that would be in the table, at the start or at the goal."""
     grasp = choice.handle.grasp()
-    for where, pose in choice.poses.items():
-        points = pose.rotate(grasp.approach)
-        behind = plus(pose.apply(grasp.tip), points, -_HAND_M)
-        if points[2] > _UPWARDS and behind[2] < 0:
+    for where, poses in choice.poses.items():
+        if all(_is_in_table(grasp, pose) for pose in poses):
             side = name_side(grasp.approach)
             side = f"the {side}" if side in ("top", "bottom") else f"its {side} side"
             message = (
@@ -502,6 +507,11 @@ def _find_table_faults(choice: _Choice) -> Iterator[Issue]:
             key = ("approach",) if "approach" in choice.given.model_fields_set else ()
             yield Issue(message, (*choice.path, *key))
             return
+
+
+def _is_in_table(grasp: Grasp, pose: Pose) -> bool:
+    points = pose.rotate(grasp.approach)
+    return points[2] > _UPWARDS and plus(pose.apply(grasp.tip), points, -_HAND_M)[2] < 0
 
 
 def _report_miss(choice: _Choice, point: tuple[float, float, float], hand: str) -> Issue:

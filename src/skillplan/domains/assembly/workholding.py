@@ -87,6 +87,11 @@ def list_orientations(config: AssemblyConfig, component: str) -> list[Orientatio
     return [_STILL] if workholder is None else list_workholder_orientations(config, workholder)
 
 
+def list_goal_poses(config: AssemblyConfig, part: str, pose: Pose) -> list[Pose]:
+    """Return the poses of a part at its goal in all orientations, from that in the first one."""
+    return [turn_pose(pose, turn.motion) for turn in list_orientations(config, part)]
+
+
 def find_holder_workholder(config: AssemblyConfig, holder: str) -> str | None:
     """Return the workholder that a holder turns along with, or None."""
     entry = config.holders[holder]

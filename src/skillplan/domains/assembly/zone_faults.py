@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from skillplan.collision.solid import Solid
 from skillplan.domains.assembly.gripping import list_grasps
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig, choose_variant
+from skillplan.domains.assembly.screw_schema import ScrewConfig
+from skillplan.domains.assembly.workholding import list_goal_poses, list_orientations, turn_pose
 from skillplan.domains.assembly.works import list_work_points
 from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Overview
 from skillplan.errors import Issue
-from skillplan.task.pose import Point
+from skillplan.task.pose import DOWN, Point, Pose, is_same_direction
 from skillplan.task.zone import CEILING_M, Zone
 
 # Overlap of a load with a zone that counts as touching [m].
@@ -55,9 +58,9 @@ def _find_issues(config: AssemblyConfig) -> Iterator[Issue]:
     for zone in zones:
         if "arm" in zone.keeps_out:
             yield from _find_closed_places(config, zone)
-    for path, words, load in _list_loads(config) if zones else ():
+    for path, words, loads in _list_loads(config) if zones else ():
         for zone in zones:
-            if "load" in zone.keeps_out and _holds_load(zone, load):
+            if "load" in zone.keeps_out and all(_holds_load(zone, load) for load in loads):
                 message = (
                     f"{words} is in {zone.label}, which keeps the load out "
                     f"({_format_range(zone)}). Move one of them."
@@ -80,7 +83,7 @@ def _find_closed_places(config: AssemblyConfig, zone: Zone) -> Iterator[Issue]:
 def _list_arm_places(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[Point]]]:
     """Yield key path, name and points [m] of each place that base or tip must be at.
 
-    Of several points, as for several grasps, one is enough.
+    Of several points, as for several grasps and orientations, one is enough.
     """
     robot, layout = config.robot, get_layout(config)
     x_m, y_m, z_m = robot.base_m
@@ -99,15 +102,20 @@ def _list_arm_places(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[
             key = "start_m" if part.start_m is not None else "start_on"
             start = layout.start(name).pose
             yield ("parts", name, key), f"the grasp of {name!r}", [*map(start.apply, tips)]
-        goal = layout.goal(name).pose
+        goals = list_goal_poses(config, name, layout.goal(name).pose)
         words = f"the grasp of {name!r} at its goal"
-        yield ("parts", name, "goal_m"), words, [*map(goal.apply, tips)]
+        points = [goal.apply(tip) for goal in goals for tip in tips]
+        yield ("parts", name, "goal_m"), words, points
         for buffer in part.buffers or ():
             pose = layout.buffered(name, buffer).pose
             words = f"the grasp of {name!r} in {buffer!r}"
             yield ("buffers", buffer, "at_m"), words, [*map(pose.apply, tips)]
     for name, screw in config.screws.items():
-        yield ("screws", name, "hole_m"), f"the hole of {name!r}", [_lift(layout.hole(screw))]
+        holes = [
+            turn_pose(layout.hole_pose(screw), turn.motion).position
+            for turn in list_orientations(config, name)
+        ]
+        yield ("screws", name, "hole_m"), f"the hole of {name!r}", [*map(_lift, holes)]
         if screw.start_m is not None and (place := layout.fetch(screw)) is not None:
             yield ("screws", name, "start_m"), f"the start of {name!r}", [_lift(place)]
     for name, work in config.works.items():
@@ -125,36 +133,51 @@ def _lift(point: Point) -> Point:
 _Load = list[tuple[list[tuple[float, ...]], float, float]]
 
 
-def _list_loads(config: AssemblyConfig) -> Iterator[tuple[_Path, str, _Load]]:
-    """Yield key path, name, prisms and key of each part at its start and goal, and each head.
+def _list_loads(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[_Load]]]:
+    """Yield key path, name and prisms of each part at its start and goal, and of each head.
 
-    A prism is its outline from above, and the heights of bottom and top [m]. Slanted shapes are
-    left out: the exact check is that of the motion.
+    Prisms are listed for each orientation, of which one is enough. A prism is its outline from
+    above, and the heights of bottom and top [m]. Slanted shapes are left out: the exact check is
+    that of the motion.
     """
     layout = get_layout(config)
     for name, part in config.moved_parts.items():
         start_key = "start_on" if part.start_m is None else "start_m"
         start_key = start_key if part.feeder is None else "feeder"
-        places: list[tuple[_Path, str, Solid]] = [
-            (("parts", name, start_key), f"the start of {name!r}", layout.start(name)),
-            (("parts", name, "goal_m"), f"the goal of {name!r}", layout.goal(name)),
+        goal = layout.goal(name)
+        goals = [replace(goal, pose=pose) for pose in list_goal_poses(config, name, goal.pose)]
+        places: list[tuple[_Path, str, list[Solid]]] = [
+            (("parts", name, start_key), f"the start of {name!r}", [layout.start(name)]),
+            (("parts", name, "goal_m"), f"the goal of {name!r}", goals),
         ]
         for buffer in part.buffers or ():
             here: _Path = ("buffers", buffer, "at_m")
-            places.append((here, f"{name!r} in {buffer!r}", layout.buffered(name, buffer)))
-        for path, words, solid in places:
-            prisms = [piece.prism for piece in solid.pieces if piece.prism is not None]
-            yield path, words, [(list(prism.face), prism.low_m, prism.high_m) for prism in prisms]
+            places.append((here, f"{name!r} in {buffer!r}", [layout.buffered(name, buffer)]))
+        for path, words, solids in places:
+            yield path, words, [_list_prisms(solid) for solid in solids]
     for name, screw in config.screws.items():
-        x_m, y_m, z_m = layout.hole(screw)
-        radius_m = screw.head_diameter_m / 2
-        rim: list[tuple[float, ...]] = [
-            (x_m + radius_m * math.cos(angle), y_m + radius_m * math.sin(angle))
-            for angle in (math.pi * step / 8 for step in range(16))
-        ]
-        if screw.direction == (0.0, 0.0, -1.0):
-            load: _Load = [(rim, z_m, z_m + screw.head_height_m)]
-            yield ("screws", name, "hole_m"), f"the head of {name!r}", load
+        hole = layout.hole_pose(screw)
+        turns = list_orientations(config, name)
+        heads = [_list_head(screw, turn_pose(hole, turn.motion), turn.motion) for turn in turns]
+        yield ("screws", name, "hole_m"), f"the head of {name!r}", heads
+
+
+def _list_prisms(solid: Solid) -> _Load:
+    prisms = [piece.prism for piece in solid.pieces if piece.prism is not None]
+    return [(list(prism.face), prism.low_m, prism.high_m) for prism in prisms]
+
+
+def _list_head(screw: ScrewConfig, hole: Pose, motion: Pose | None) -> _Load:
+    into = screw.direction if motion is None else motion.rotate(screw.direction)
+    if not is_same_direction(into, DOWN):
+        return []
+    x_m, y_m, z_m = hole.position
+    radius_m = screw.head_diameter_m / 2
+    rim: list[tuple[float, ...]] = [
+        (x_m + radius_m * math.cos(angle), y_m + radius_m * math.sin(angle))
+        for angle in (math.pi * step / 8 for step in range(16))
+    ]
+    return [(rim, z_m, z_m + screw.head_height_m)]
 
 
 def _holds_load(zone: Zone, load: _Load) -> bool:
