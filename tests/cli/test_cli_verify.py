@@ -322,7 +322,10 @@ class TestWrongInput:
             ({"steps": [{}]}, "is damaged: steps[0].index: "),
             ({"cost": float("nan")}, "is damaged: a number must be finite, not NaN"),
             ({"status": "wrong"}, "claims nothing, its status is wrong"),
-            ({"origin": None}, "does not say which file its task is from. Name it by --task."),
+            (
+                {"origin": None},
+                "does not say which file its task is from. Solve the task again, or",
+            ),
         ],
     )
     def test_what_is_no_sound_result_is_refused(self, cli, tampered, changes, message):
@@ -349,11 +352,11 @@ class TestWrongInput:
         assert (2, True) == (outcome.code, "has changed since" in outcome.err)
 
     def test_a_task_file_that_is_gone_is_told_of(self, cli, tampered):
-        """And how to name it."""
+        """And what to do, also by a command that has no option for it."""
         path = tampered(lambda document: document["origin"].update(file="gone/board.yaml"))
-        assert (
-            "its task gone/board.yaml is neither here nor beside it." in cli("verify", path).refusal
-        )
+        words = "its task gone/board.yaml is neither here nor beside it. Copy it there, or name it"
+        for command in ("verify", "simulate"):
+            assert words in cli(command, path).refusal
 
     def test_a_task_beside_the_result_is_found(self, cli, tampered, board, result):
         """Where the path from here leads nowhere."""

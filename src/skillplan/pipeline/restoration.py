@@ -46,6 +46,10 @@ from skillplan.task.motion import Event, Motion, Visit
 from skillplan.task.skill import Skill
 from skillplan.task.task import BackEndChoice, Task
 
+# End of messages that ask for the task file: some commands, such as simulate, take it from the
+# result alone.
+_OR_NAME = ", or name it by --task if the command has it."
+
 
 @contextmanager
 def unquoted(document: str, file: str) -> Iterator[None]:
@@ -150,7 +154,7 @@ def load_origin(
             was = load_problem(origin.file, queried, before, former=former)
         if describe_other_task(stored, was) is None:
             return problem, difference
-    raise OptionError(f"{path}: is of another task: {difference}. Name its own by --task.")
+    raise OptionError(f"{path}: is of another task: {difference}. Put its own there{_OR_NAME}")
 
 
 def _load_with_former_defaults(
@@ -193,7 +197,9 @@ def find_origin(path: str, stored: StoredResult, task_file: str | None) -> Origi
     if stored.origin is not None:
         origin = stored.origin.origin()
     elif task_file is None:
-        raise OptionError(f"{path}: does not say which file its task is from. Name it by --task.")
+        raise OptionError(
+            f"{path}: does not say which file its task is from. Solve the task again{_OR_NAME}"
+        )
     else:
         part = None if stored.is_chain else stored.task.name
         collision = tuple(filter(None, stored.collision.split(",")))
@@ -205,7 +211,7 @@ def find_origin(path: str, stored: StoredResult, task_file: str | None) -> Origi
         if is_regular(candidate):
             return replace(origin, file=str(candidate))
     raise OptionError(
-        f"{path}: its task {origin.file} is neither here nor beside it. Name it by --task."
+        f"{path}: its task {origin.file} is neither here nor beside it. Copy it there{_OR_NAME}"
     )
 
 
