@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skillplan.cli import run
+from skillplan.domains.assembly import MAX_CORNERS, MAX_PIECES, read_mesh, read_pieces
 from skillplan.plugins import installed
 from skillplan_cad import KeepFree, NestSettings, build_jaws, build_nest
 from skillplan_cad import check_nest as check_densely
@@ -111,11 +112,45 @@ def test_pins_stand_beneath_an_overhang_that_would_tip():
     without = NestSettings(pin_m=0.0)
     tipped = check_nest(TEE, build_nest(TEE, without))
     assert tipped.support_margin_m < -0.01
+    assert not tipped.held_by_walls
     assert any(fault.startswith("the part tips") for fault in tipped.faults)
     nest = build_nest(TEE)
     assert nest.pins
     assert [pin.top_m for pin in nest.pins] == pytest.approx([0.010] * len(nest.pins))
     assert check_nest(TEE, nest).is_good
+
+
+@pytest.mark.parametrize(("depth_m", "is_held"), [(0.003, False), (0.03, True)])
+def test_a_pin_on_its_tip_stands_in_a_deep_hole_only(depth_m, is_held):
+    points = [[0, 0], [3, 1.5], [3, 40], [0, 40]]
+    pin = body(trimesh.creation.revolve(np.array(points), sections=24))
+    found = check_nest([pin], build_nest([pin], NestSettings(depth_m=depth_m, pin_m=0.0)))
+    assert found.support_margin_m == pytest.approx(0, abs=1e-5)
+    assert found.held_by_walls == is_held
+    assert [fault.partition(":")[0] for fault in found.faults] == ["the part tips"] * (not is_held)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        (box((3, 3, 3)), ["--wall", "0.8"]),
+        (box((30, 20, 10)), ["--clearance", "1"]),
+        (BALL, ["--layer", "0.15"]),
+    ],
+    ids=["small", "wide", "curved"],
+)
+def test_a_task_accepts_each_nest_that_is_written(part, words, tmp_path):
+    """Also where the printed mesh has more corners than a task accepts."""
+    vertices_m, triangles = part
+    trimesh.Trimesh(vertices_m * 1e3, triangles).export(tmp_path / "part.stl")
+    out = tmp_path / "nest"
+    assert run(["nest", str(tmp_path / "part.stl"), "--unit", "mm", "--out", str(out), *words]) == 0
+    printed = trimesh.load(out / "nest.stl")
+    mesh = read_mesh(out, "nest.obj", 1.0)
+    assert mesh.size == pytest.approx(printed.extents / 1e3, abs=1e-5)
+    assert 0 < len(read_pieces(out, "nest.pieces.obj", 1.0, mesh)[0]) <= MAX_PIECES
+    assert len(mesh.corners) <= min(len(printed.vertices), MAX_CORNERS)
 
 
 def test_a_nut_is_kept_from_turning_unless_its_pocket_is_too_wide():
@@ -230,6 +265,10 @@ def test_a_part_goes_from_nest_to_nest_in_swept_and_both_engines(
     ("words", "message"),
     [
         (["--free", "1,2,3"], "--free 1,2,3: give a rectangle"),
+        (["--free", "90,0,95,9"], "--free 90,0,95,9: this region cuts nothing"),
+        (["--gap", "3"], "--gap is for --kind jaws"),
+        (["--closing", "y"], "--closing is for --kind jaws"),
+        (["--kind", "jaws", "--pin", "3"], "--pin is for nests"),
         (["--clearance", "9"], "clearance 9 mm: must be from 0.02 to 5 mm"),
         (["--draft", "50"], "draft 50 degrees: must be from 0 to 45"),
         (["--kind", "jaws", "--closing", "z"], "the closing direction of jaws must be level"),

@@ -97,15 +97,15 @@ def command(
         ),
     ] = None,
     closing: Annotated[
-        Literal["x", "y", "z"],
+        Literal["x", "y", "z"] | None,
         typer.Option(
             "--closing",
             parser=one_of(_UPS[:3]),
             metavar="AXIS",
-            help="Axis of the file along which jaws close.",
+            help="Axis of the file along which jaws close. Default: x.",
             rich_help_panel=PART,
         ),
-    ] = "x",
+    ] = None,
     clearance: Annotated[
         float, _size("--clearance", "Least distance of the walls from the part, 0.02 to 5 mm.")
     ] = 0.2,
@@ -132,15 +132,16 @@ def command(
         float, _size("--layer", "Greatest height of the steps that follow slopes and curves.")
     ] = 0.5,
     pin: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--pin",
             metavar="MM",
-            help="Diameter of the pins beneath overhangs of a part that would tip; 0 for no pins.",
+            help="Diameter of the pins beneath overhangs of a part that would tip; 0 for no pins. "
+            "Default: 4.",
             rich_help_panel=SIZES,
         ),
-    ] = 4.0,
-    gap: Annotated[float, _size("--gap", "Distance of closed jaws.")] = 2.0,
+    ] = None,
+    gap: Annotated[float | None, _size("--gap", "Distance of closed jaws. Default: 2.")] = None,
     style: Annotated[
         Literal["table", "json", "csv", "md"],
         typer.Option(

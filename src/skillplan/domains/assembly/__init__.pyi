@@ -13,11 +13,13 @@ from .layout import get_layout as get_layout
 from .layout_family import draw_layouts as draw_layouts
 from .mesh_files import MAX_BYTES as MAX_BYTES
 from .mesh_files import MAX_CORNERS as MAX_CORNERS
+from .mesh_files import MAX_PIECES as MAX_PIECES
 from .mesh_files import SUFFIXES as SUFFIXES
 from .mesh_files import MeshFileError as MeshFileError
 from .mesh_files import parse_mesh as parse_mesh
 from .mesh_files import parse_objects as parse_objects
 from .mesh_files import read_mesh as read_mesh
+from .mesh_files import read_pieces as read_pieces
 from .overview import find_hints as find_hints
 from .part_schema import MeshConfig as MeshConfig
 from .resting import TABLE as TABLE
@@ -28,6 +30,7 @@ from .schema import AssemblyConfig as AssemblyConfig
 __all__ = [
     "MAX_BYTES",
     "MAX_CORNERS",
+    "MAX_PIECES",
     "MOST_PARTS",
     "MOST_STEPS",
     "MOST_TOOLS",
@@ -52,4 +55,5 @@ __all__ = [
     "parse_objects",
     "read_arm",
     "read_mesh",
+    "read_pieces",
 ]

@@ -245,13 +245,15 @@ def list_nest_facts(nest: Mapping[str, Any]) -> list[str]:
     low, high = check["play_mm"]
     play = f"{low:.3g} to {high:.3g} mm" if high < 5 else f"{low:.3g} mm and more"
     around = "turns freely" if turn is None else f"turns by {turn:.2g} degrees"
+    gap = "5 mm or more"
+    if check["gap_at_mm"]:
+        place = ", ".join(f"{value:.4g}" for value in check["gap_at_mm"])
+        gap = f"{check['least_gap_mm']:.3f} mm at {place}"
     lines = [
         f"size {' x '.join(f'{size:.4g}' for size in nest['size_mm'])} mm; walls "
         f"{nest['wall_mm']:g}, base {nest['base_mm']:g}, held {nest['depth_mm']:.4g} mm deep; "
         f"clearance {nest['clearance_mm']:g} mm, draft {nest['draft_deg']:g} degrees",
-        f"{check['rays']:,} rays from {check['samples']:,} points: least gap "
-        f"{check['least_gap_mm']:.3f} mm at "
-        f"{', '.join(f'{value:.4g}' for value in check['gap_at_mm'])}",
+        f"{check['rays']:,} rays from {check['samples']:,} points: least gap {gap}",
         f"seated: play {play}, {around}",
         _describe_support(nest),
     ]
@@ -275,5 +277,8 @@ def _describe_support(nest: Mapping[str, Any]) -> str:
     if pins:
         words += f", on {pins} pin{'s' if pins > 1 else ''}, too"
     margin_mm = check["support_margin_mm"]
-    where = "inside" if margin_mm > 0 else "outside"
-    return f"{words}; centre of mass {abs(margin_mm):.3g} mm {where} their edge"
+    where = f"{abs(margin_mm):.3g} mm {'inside' if margin_mm > 0 else 'outside'} their edge"
+    if abs(margin_mm) < 0.005:
+        where = "on their edge"
+    held = "; walls keep it in place" if check["held_by_walls"] else ""
+    return f"{words}; centre of mass {where}{held}"

@@ -306,7 +306,7 @@ def tabulate_nests(document: Mapping[str, Any], out: str) -> list[Table]:
                 nest["name"],
                 " x ".join(f"{size:.4g}" for size in nest["size_mm"]),
                 f"{nest['depth_mm']:.4g}",
-                f"{check['least_gap_mm']:.3f}",
+                f"{check['least_gap_mm']:.3f}" if check["gap_at_mm"] else "5 or more",
                 f"{check['rays']}",
                 str(len(nest["pins"])),
                 str(nest["pieces"]),
@@ -320,7 +320,13 @@ def tabulate_nests(document: Mapping[str, Any], out: str) -> list[Table]:
             "nest's"
         )
     if document["good"]:
-        notes.append(f"{out} holds STL to print (mm), OBJ for a fixture in a task (m), drawings")
+        lacking = [nest["name"] for nest in document["nests"] if "obj" not in nest["files"]]
+        meshes = "" if lacking else "OBJ for a fixture in a task (m), "
+        notes += [
+            f"{name}: no OBJ for a task: its surface has more corners or pieces than a task accepts"
+            for name in lacking
+        ]
+        notes.append(f"{out} holds STL to print (mm), {meshes}drawings")
     else:
         notes.append(f"{out} holds drawings and nest.json, but no meshes of what is not good")
     parts = sorted({part for nest in document["nests"] for part in nest["parts"]})

@@ -21,7 +21,7 @@ from skillplan_cad.nests.nest import (
     build_jaws,
     build_nest,
 )
-from skillplan_cad.nests.nest_check import check_nest
+from skillplan_cad.nests.nest_check import check_nest, drop_bad_coarse, measure_blocked_mm3
 from skillplan_cad.nests.nest_document import build_nest_document, format_nest_files
 from skillplan_cad.nests.stepped_mesh import Body
 from skillplan_cad.planning.bearing import ATTITUDES
@@ -137,6 +137,7 @@ def make_nest(
     bodies = [(part.vertices_m, part.triangles) for part in product]
     names = [part.name for part in product]
     tell(f"building for {', '.join(names[:4])}{' and others' if names[4:] else ''}")
+    _refuse_without_effect(options.kind, chosen)
     nests = _build(bodies, options, settings, free)
     tell("checking by rays")
     entries, files = [], dict[str, str | bytes]()
@@ -152,7 +153,9 @@ def make_nest(
         entry = build_nest_document(label, nest, check, product.parts)
         entries.append(entry)
         if check.is_good:
-            own = format_nest_files(label, nest)
+            own = format_nest_files(
+                label, drop_bad_coarse(bodies, nest, regions, stands=options.kind != "jaws")
+            )
             entry["files"] = {
                 name.removeprefix(f"{label}.").replace(".", "_"): name for name in own
             }
@@ -180,13 +183,43 @@ def _build(
     """Return nests by their name."""
     up = ATTITUDES[options.up]
     if options.kind != "jaws":
+        _refuse_outside(build_nest(bodies, settings, up) if free else None, options, free)
         return {options.kind: build_nest(bodies, settings, up, free)}
-    if free:
-        raise OptionError("--free is for nests; jaws end 0.5 mm above the plane of the part.")
-    if options.depth_mm is not None:
-        raise OptionError("--depth is for nests; the depth of jaws follows from --gap.")
     jaws = build_jaws(bodies, ATTITUDES[options.closing], settings, up, options.gap_mm / _TO_MM)
     return {f"jaw_{number}": jaw for number, jaw in enumerate(jaws, 1)}
+
+
+def _refuse_without_effect(kind: Kind, chosen: Mapping[str, Any]) -> None:
+    """Refuse options that the kind does not use."""
+    reasons = {
+        "free": "--free is for nests; jaws end 0.5 mm above the plane of the part.",
+        "depth_mm": "--depth is for nests; the depth of jaws follows from --gap.",
+        "pin_mm": "--pin is for nests; jaws have no pins.",
+    }
+    if kind != "jaws":
+        reasons = {
+            "gap_mm": f"--gap is for --kind jaws; leave it out for --kind {kind}.",
+            "closing": f"--closing is for --kind jaws; leave it out for --kind {kind}.",
+        }
+    for name, reason in reasons.items():
+        if chosen.get(name) not in (None, ()):
+            raise OptionError(reason)
+
+
+def _refuse_outside(nest: Nest | None, options: NestOptions, free: Sequence[KeepFree]) -> None:
+    """Refuse regions that cut nothing of a nest without any."""
+    if nest is None:
+        return
+    low, high = nest.upright_m.min(axis=0) * _TO_MM, nest.upright_m.max(axis=0) * _TO_MM
+    for text, cut_mm3 in zip(options.free, measure_blocked_mm3(nest, free), strict=True):
+        if cut_mm3 <= 0:
+            ranges = (
+                f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True)
+            )
+            raise OptionError(
+                f"--free {text}: this region cuts nothing. In mm of the file turned by --up "
+                f"{options.up}, the nest reaches from {', '.join(ranges)}."
+            )
 
 
 def parse_free(text: str) -> KeepFree:

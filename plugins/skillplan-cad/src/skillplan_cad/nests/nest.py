@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from skillplan.collision import compute_margin_m
+from skillplan.domains.assembly import MAX_CORNERS, MAX_PIECES
 from skillplan.errors import OptionError
 from skillplan_cad.nests.pocket import Layer, LowerSurface, keep_areas, sweep_pocket, widen
 from skillplan_cad.nests.stepped_mesh import Body, Column, build_stepped_mesh, list_pieces
@@ -36,9 +38,13 @@ _THINNEST_MM = 0.8
 _SLIVER_MM2 = 1e-3
 # Share of the clearance by which convex pieces may stand into the pocket.
 _PIECE_SHARE = 0.25
-# Number of pieces above which the layers of slopes are coarser, by powers of two up to this factor.
-_MOST_PIECES, _COARSEST = 400, 4
-# Distance of the centre of mass from the edge of its supports below which pins are added [mm].
+# Number of pieces above which the layers of slopes are coarser, by powers of two up to the first
+# factor; up to the second one if a task would refuse them.
+_MOST_PIECES, _COARSER, _COARSEST = 400, 4, 64
+# Share of corners or pieces left by coarser layers above which even coarser ones are not tried.
+_FEWER = 0.97
+# Distance of the centre of mass from the edge of its supports below which pins are added [mm]; tall
+# parts need more.
 _MARGIN_MM = 1.0
 _MOST_PINS = 4
 # Largest number of places that are tried for pins.
@@ -143,13 +149,16 @@ class Nest:
         Watertight mesh.
     pieces
         Convex pieces with upright walls, which keep at least three quarters of the clearance. They
-        enclose the mesh, except on slopes of several hundred pieces, whose layers are coarser.
+        enclose the mesh, except on slopes of several hundred pieces, whose layers are coarser. None
+        if even these are more than a task accepts.
     settings
         Sizes that it was made with; the depth is stated.
     turn
         Rotation to the upright frame, in which the part comes from above.
     pins
         Posts beneath overhangs.
+    coarse
+        Mesh with higher steps on slopes, if the mesh has more corners than a task accepts.
     """
 
     vertices_m: Points
@@ -158,6 +167,7 @@ class Nest:
     settings: NestSettings
     turn: Floats
     pins: tuple[Pin, ...] = ()
+    coarse: Body | None = None
 
     @property
     def upright_m(self) -> Points:
@@ -199,8 +209,18 @@ def build_nest(
     layers = _sweep(surface, low_mm, settings, settings.draft_deg)
     centre = _find_centre_mm(bodies, turn)
     pins = _place_pins(surface, layers, centre, settings) if settings.pin_m else []
-    columns = _list_columns(layers, _draw_plate(layers, pins, settings), pins, settings, free)
-    points, triangles = build_stepped_mesh(columns)
+    plate = _draw_plate(layers, pins, settings)
+    points, triangles = build_stepped_mesh(_list_columns(layers, plate, pins, settings, free))
+    coarse, coarser, count = None, 1, math.inf
+    while len(points) > MAX_CORNERS and coarser < _COARSEST:
+        coarser *= 2
+        steps = _sweep(surface, low_mm, settings, settings.draft_deg, coarser)
+        less, faces = build_stepped_mesh(_list_columns(steps, plate, pins, settings, free))
+        if len(less) <= MAX_CORNERS:
+            coarse = (less / _TO_MM @ turn, faces)
+        if coarse or len(less) > _FEWER * count:
+            break
+        count = len(less)
     return Nest(
         points / _TO_MM @ turn,
         triangles,
@@ -211,6 +231,7 @@ def build_nest(
         settings,
         turn,
         tuple(pins),
+        coarse,
     )
 
 
@@ -235,10 +256,10 @@ def _choose_depth_mm(settings: NestSettings, height_mm: float) -> float:
 
 
 def _find_centre_mm(bodies: Iterable[Body], turn: Floats) -> Floats:
-    """Return the centre of mass across the axis, at equal density."""
+    """Return the centre of mass at equal density."""
     volumes = [float(compute_volumes_m3(*body).sum()) for body in bodies]
     centres = [compute_centre_m(*body) @ turn.T for body in bodies]
-    centre: Floats = np.average(centres, axis=0, weights=volumes)[:2] * _TO_MM
+    centre: Floats = np.average(centres, axis=0, weights=volumes) * _TO_MM
     return centre
 
 
@@ -283,14 +304,16 @@ def _divide(
 ) -> list[Body]:
     """Return convex pieces of the nest with upright walls, on slopes in few enough layers."""
     plate = _draw_plate(layers, pins, settings)
-    coarser = 1
+    coarser, count = 1, math.inf
     while True:
         upright = _sweep(surface, layers[0].low_mm, settings, 0.0, coarser)
         columns = _list_columns(upright, plate, pins, settings, free)
         pieces = list_pieces(columns, settings.clearance_m * _TO_MM * _PIECE_SHARE)
-        if len(pieces) <= _MOST_PIECES or coarser >= _COARSEST:
+        if len(pieces) <= (_MOST_PIECES if coarser < _COARSER else MAX_PIECES):
             return pieces
-        coarser *= 2
+        if coarser >= _COARSEST or (coarser > _COARSER and len(pieces) > _FEWER * count):
+            return []
+        coarser, count = 2 * coarser, len(pieces)
 
 
 def _surround(shapes: Iterable[BaseGeometry], room_mm: float) -> BaseGeometry:
@@ -341,10 +364,14 @@ def _place_pins(
     """
     floor, overhangs = _find_supports(surface, layers, settings)
     corners = shapely.get_coordinates(floor)
+    height_m = (float(centre[2]) - layers[0].low_mm) / _TO_MM
+    centre = centre[:2]
+    extent_m = surface.extent_mm / _TO_MM
+    wanted = max(_MARGIN_MM, compute_margin_m(extent_m, height_m) * _TO_MM)
     best = measure_margin(corners, centre)
     places = _list_places(overhangs, settings.pin_m * _TO_MM / 2)
     pins: list[Pin] = []
-    while best < _MARGIN_MM and len(pins) < _MOST_PINS and places:
+    while best < wanted and len(pins) < _MOST_PINS and places:
         most = 2 if len(pins) + 2 <= _MOST_PINS else 1
         choices = [c for count in range(1, most + 1) for c in combinations(places, count)]
         margins = [

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import manifold3d
@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from skillplan.collision import compute_margin_m
 from skillplan_cad.blocking.ray_mesh import RayMesh, RayView
 from skillplan_cad.nests.nest import KeepFree, Nest, measure_margin
 from skillplan_cad.nests.stepped_mesh import Body, is_watertight
@@ -27,7 +28,7 @@ _TO_MM = 1e3
 _SLACK_MM = 2e-3
 # Distance of sampled points of the part, least and as a share of its extent, and their most.
 _SPACING_MM, _SPACING_SHARE = 0.25, 1 / 250
-MOST_SAMPLES = 150_000
+MOST_SAMPLES, _COARSE_SAMPLES = 150_000, 30_000
 # The first direction is along no usual wall, since rays along walls are not exact.
 _DIRECTIONS, _FIRST_RAD = 24, 0.0123
 # Height by which the part is lifted before rays go sideways, so that they miss the floor [mm].
@@ -38,6 +39,12 @@ _RESTS_MM = 0.02
 _MOST_PLAY_MM = 5.0
 _LEAST_TURN_RAD, _MOST_TURN_RAD = 0.002, math.radians(60)
 _TURN_STEPS, _TURN_HALVINGS, _TURN_SAMPLES = 16, 6, 10_000
+# Walls hold a part that its supports do not if they stop it within this angle, by an overlap that
+# round bottoms do not have [mm].
+HELD_DEG, _STOPPED_MM = 1.5, 0.1
+# A part that turns by this angle without rising, sinking [mm] or meeting a wall is round: it rolls
+# on the spot.
+_ROLL_RAD, _ROLL_MM = 0.65, 0.05
 # An undercut begins at this distance from the wall, as far as it has this share of the held walls.
 _UNDERCUT_MM, _UNDERCUT_SHARE = 0.05, 0.01
 _LEAST_DROP = 0.9
@@ -78,7 +85,7 @@ class NestCheck:
     least_gap_m
         Least distance between walls and part sideways, in any height of the way.
     gap_point_m
-        Place of the least gap, in the frame of the bodies.
+        Place of the least gap, in the frame of the bodies; None if no wall is nearer than 5 mm.
     play_m
         Least and greatest play of the seated part sideways, in 24 directions; at most 5 mm.
     turn_rad
@@ -86,6 +93,11 @@ class NestCheck:
         by 60 degrees.
     support_margin_m
         Distance of the centre of mass from the edge of its supports; negative outside.
+    needed_margin_m
+        Distance with which it stands, also if tilted by 2 degrees.
+    held_by_walls
+        True if the supports do not suffice, but walls stop the part within 1.5 degrees, or it is
+        round.
     supports
         Number of points that rest on the nest.
     bodies
@@ -100,10 +112,12 @@ class NestCheck:
     samples: int
     overlap_m: float
     least_gap_m: float
-    gap_point_m: Vector
+    gap_point_m: Vector | None
     play_m: tuple[float, float]
     turn_rad: float | None
     support_margin_m: float
+    needed_margin_m: float
+    held_by_walls: bool
     supports: int
     bodies: int
     undercuts: tuple[Undercut, ...]
@@ -223,6 +237,28 @@ class _Contact:
             free_rad = high
         return free_rad if math.isfinite(free_rad) else None
 
+    def measure_turned(self, pivot: Floats, axis: Floats, angle_rad: float) -> float:
+        """Return how deep the turned part would enter the nest; negative if it sinks.
+
+        Parameters
+        ----------
+        pivot, axis
+            Point of the axis, and its direction, which is level.
+        """
+        step = max(1, len(self.samples.points) // _TURN_SAMPLES)
+        turn = _compute_turn(axis, angle_rad)
+        points = (self.samples.points[::step] - pivot) @ turn.T + pivot
+        tops = self.nest_view.trace_first(points[:, :2], -1)
+        self.rays += len(points)
+        return float(np.nanmax(tops - points[:, 2], initial=-np.inf))
+
+    def is_kept(self, toward: Floats, pivot: Floats, centre: Floats) -> bool:
+        """Return whether walls keep the part from tipping over a support, or it is round."""
+        axis = np.array([-toward[1], toward[0], 0.0])
+        if self.measure_turned(pivot, axis, math.radians(HELD_DEG)) > _STOPPED_MM:
+            return True
+        return abs(self.measure_turned(centre, axis, _ROLL_RAD)) < _ROLL_MM
+
 
 def check_nest(
     bodies: Sequence[Body],
@@ -270,11 +306,20 @@ def check_nest(
     centre = _find_centre(bodies, nest, contact.middle_m)
     rests = _find_rests(contact)
     margin = measure_margin(rests[:, :2], centre[:2])
+    extent_m = float(np.ptp(contact.part.points_mm, axis=0).max()) / _TO_MM
+    height_m = float(centre[2] - rests[:, 2].min(initial=centre[2])) / _TO_MM
+    needed = compute_margin_m(extent_m, height_m) * _TO_MM
+    is_held = stands and margin < needed
+    is_held = is_held and _is_held(contact, rests, centre, needed, towards)
     turn_rad = contact.measure_turn(centre)
     undercuts = _find_undercuts(contact)
     solid = make_solid(nest.vertices_m, nest.triangles)
     count = len(solid.decompose()) if is_watertight(nest.triangles) else 0
-    faults = _list_faults(overlap, tight[0], clearance_mm, margin, count, len(rests), stands)
+    faults = _list_faults(overlap, tight[0], clearance_mm, count)
+    if not len(rests):
+        faults.append("the part rests on nothing")
+    elif stands and margin < needed and not is_held:
+        faults.append(_describe_tipping(margin, needed))
     if not may_turn and (turn_rad is None or turn_rad > math.radians(25)):
         faults.append("the part turns in the pocket, so a nut is not held against its screw")
     faults += _find_blocked_regions(nest, free)
@@ -285,10 +330,12 @@ def check_nest(
         len(contact.samples.points) + len(contact.corners),
         overlap / _TO_MM,
         least_mm / _TO_MM,
-        (x, y, z),
+        (x, y, z) if least_mm < _MOST_PLAY_MM else None,
         (min(play for play, _ in plays) / _TO_MM, max(play for play, _ in plays) / _TO_MM),
         turn_rad,
         margin / _TO_MM,
+        needed / _TO_MM,
+        is_held,
         len(rests),
         count,
         undercuts,
@@ -296,15 +343,19 @@ def check_nest(
     )
 
 
-def _list_faults(
-    overlap: float,
-    tight: float,
-    clearance_mm: float,
-    margin: float,
-    count: int,
-    rests: int,
-    stands: bool,
-) -> list[str]:
+def drop_bad_coarse(
+    bodies: Sequence[Body], nest: Nest, free: Sequence[KeepFree] = (), *, stands: bool = True
+) -> Nest:
+    """Return a nest without its coarse mesh if that one fails the check."""
+    if nest.coarse is None:
+        return nest
+    vertices_m, triangles = nest.coarse
+    coarse = replace(nest, vertices_m=vertices_m, triangles=triangles)
+    is_good = check_nest(bodies, coarse, free, stands=stands, most=_COARSE_SAMPLES).is_good
+    return nest if is_good else replace(nest, coarse=None)
+
+
+def _list_faults(overlap: float, tight: float, clearance_mm: float, count: int) -> list[str]:
     faults: list[str] = []
     if count == 0:
         faults.append("the nest is not watertight")
@@ -314,13 +365,35 @@ def _list_faults(
         faults.append(f"the part meets the nest on its way down, {overlap:.3g} mm deep")
     elif tight > _SLACK_MM:
         faults.append(f"a wall is nearer than the clearance of {clearance_mm:g} mm")
-    if not rests:
-        faults.append("the part rests on nothing")
-    elif stands and margin < -_RESTS_MM:
-        faults.append(
-            f"the part tips: its centre of mass lies {-margin:.3g} mm outside its supports"
-        )
     return faults
+
+
+def _describe_tipping(margin: float, needed: float) -> str:
+    if margin < -_RESTS_MM:
+        where = f"{-margin:.3g} mm outside its supports"
+    elif margin < _RESTS_MM:
+        where = "on the edge of its supports"
+    else:
+        where = f"{margin:.2g} mm inside the edge of its supports"
+    return (
+        f"the part tips: its centre of mass lies {where}, where {needed:.2g} mm inside are needed, "
+        f"and no wall stops it within {HELD_DEG:g} degrees"
+    )
+
+
+def _is_held(
+    contact: _Contact, rests: Floats, centre: Floats, needed: float, towards: Sequence[Floats]
+) -> bool:
+    """Return whether walls stop the part in all directions in which its supports do not."""
+    if not len(rests):
+        return False
+    for toward in towards:
+        along = rests @ toward
+        if along.max() - centre @ toward >= needed:
+            continue
+        if not contact.is_kept(toward, rests[np.argmax(along)], centre):
+            return False
+    return True
 
 
 def _sample(mesh: RayMesh, own: NDArray[np.int64], top: float, most: int) -> _Samples:
@@ -359,6 +432,15 @@ def _turn(points: Floats, centre: Floats, angle_rad: float) -> Floats:
     return np.asarray((points - centre) @ turn.T + centre)
 
 
+def _compute_turn(axis: Floats, angle_rad: float) -> Floats:
+    """Return the rotation about a unit vector."""
+    x, y, z = axis
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(
+        np.eye(3) + math.sin(angle_rad) * across + (1 - math.cos(angle_rad)) * across @ across
+    )
+
+
 def _find_centre(bodies: Sequence[Body], nest: Nest, middle_m: Floats) -> Floats:
     """Return the centre of mass at equal density [mm]."""
     volumes = [float(compute_volumes_m3(*body).sum()) for body in bodies]
@@ -395,19 +477,27 @@ def _find_undercuts(contact: _Contact) -> tuple[Undercut, ...]:
 
 def _find_blocked_regions(nest: Nest, free: Sequence[KeepFree]) -> list[str]:
     """Return faults for regions in which material is left."""
+    return [
+        f"{left_mm3:.3g} mm3 of the nest stand in free region {number}"
+        for number, left_mm3 in enumerate(measure_blocked_mm3(nest, free), 1)
+        if left_mm3 > 1e-3
+    ]
+
+
+def measure_blocked_mm3(nest: Nest, free: Sequence[KeepFree]) -> list[float]:
+    """Return the volume of a nest in each region."""
     if not free:
         return []
     solid = make_solid(nest.upright_m, nest.triangles)
     low, high = (float(value) for value in np.array(solid.bounding_box())[[2, 5]])
-    faults = []
-    for number, region in enumerate(free, 1):
+    volumes = []
+    for region in free:
         ring = shapely.get_coordinates(region.area.buffer(-1e-3))[:-1]
         floor = max(region.floor_m * _TO_MM, low - 1) + 1e-3
         if floor >= high or len(ring) < 3:
+            volumes.append(0.0)
             continue
         section = manifold3d.CrossSection([ring], manifold3d.FillRule.EvenOdd)
         room = section.extrude(high + 1 - floor).translate((0.0, 0.0, floor))
-        left_mm3 = (solid ^ room).volume()
-        if left_mm3 > 1e-3:
-            faults.append(f"{left_mm3:.3g} mm3 of the nest stand in free region {number}")
-    return faults
+        volumes.append(float((solid ^ room).volume()))
+    return volumes

@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from skillplan.domains.assembly import MAX_BYTES, MAX_CORNERS
 from skillplan_cad.nests.nest import Nest
 from skillplan_cad.nests.nest_check import NestCheck
 from skillplan_cad.nests.pocket import LowerSurface
@@ -29,7 +30,10 @@ def find_origin_m(nest: Nest) -> Floats:
 
 
 def format_nest_files(label: str, nest: Nest) -> dict[str, str | bytes]:
-    """Return an STL to print [mm], and mesh and convex pieces for tasks [m], by file name."""
+    """Return an STL to print [mm], and mesh and convex pieces for tasks [m], by file name.
+
+    Without the latter two if a task would refuse them.
+    """
     import trimesh
     from trimesh.exchange.stl import export_stl
 
@@ -37,11 +41,14 @@ def format_nest_files(label: str, nest: Nest) -> dict[str, str | bytes]:
     vertices_m = np.round(nest.upright_m - origin, 7) + 0.0
     printed = trimesh.Trimesh(vertices_m * _TO_MM, nest.triangles, process=False)
     pieces = [(np.round(points @ nest.turn.T - origin, 7), faces) for points, faces in nest.pieces]
-    return {
-        f"{label}.stl": export_stl(printed),
-        f"{label}.obj": format_obj(vertices_m, nest.triangles),
-        f"{label}.pieces.obj": format_pieces(pieces),
-    }
+    files: dict[str, str | bytes] = {f"{label}.stl": export_stl(printed)}
+    points, faces = nest.coarse or (nest.vertices_m, nest.triangles)
+    mesh, whole = f"{label}.obj", format_obj(points @ nest.turn.T - origin, faces)
+    fits = len(points) <= MAX_CORNERS and len(whole) <= MAX_BYTES
+    split = format_pieces(pieces)
+    if fits and pieces and len(split) <= MAX_BYTES:
+        files |= {mesh: whole, f"{label}.pieces.obj": split}
+    return files
 
 
 def build_nest_document(
@@ -80,14 +87,13 @@ def build_nest_document(
         ],
         "seated_mm": _mm3(np.array([*((low + high) / 2)[:2], low[2]])),
         "files": {},
-        "check": _build_check_document(check, nest.turn @ check.gap_point_m - origin, parts),
+        "check": _build_check_document(check, nest, parts),
         "views": _build_views(nest, parts, origin),
     }
 
 
-def _build_check_document(
-    check: NestCheck, gap_at_m: Floats, parts: Sequence[Part]
-) -> dict[str, Any]:
+def _build_check_document(check: NestCheck, nest: Nest, parts: Sequence[Part]) -> dict[str, Any]:
+    gap_at_m, origin = check.gap_point_m, find_origin_m(nest)
     return {
         "good": check.is_good,
         "faults": list(check.faults),
@@ -95,10 +101,12 @@ def _build_check_document(
         "samples": check.samples,
         "overlap_mm": _mm(check.overlap_m),
         "least_gap_mm": _mm(check.least_gap_m),
-        "gap_at_mm": _mm3(gap_at_m),
+        "gap_at_mm": None if gap_at_m is None else _mm3(nest.turn @ gap_at_m - origin),
         "play_mm": [_mm(play) for play in check.play_m],
         "turn_deg": None if check.turn_rad is None else round(float(np.degrees(check.turn_rad)), 3),
         "support_margin_mm": _mm(max(check.support_margin_m, -1e3)),
+        "needed_margin_mm": _mm(check.needed_margin_m),
+        "held_by_walls": check.held_by_walls,
         "supports": check.supports,
         "undercuts": [
             {

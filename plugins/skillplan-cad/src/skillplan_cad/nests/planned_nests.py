@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 
 from skillplan.errors import OptionError
-from skillplan_cad.nests.nest import KeepFree, NestSettings, build_nest
-from skillplan_cad.nests.nest_check import check_nest
+from skillplan_cad.nests.nest import KeepFree, Nest, NestSettings, build_nest
+from skillplan_cad.nests.nest_check import check_nest, drop_bad_coarse
 from skillplan_cad.nests.nest_document import build_nest_document, format_nest_files
 from skillplan_cad.nests.stepped_mesh import Body
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
@@ -63,6 +63,9 @@ def plan_nests(product: Product, plan: AssemblyPlan, watch: Watch) -> PlannedNes
     entries, files = [], dict[str, str | bytes]()
     lines, warnings = [], []
     parts = {part.name: part for part in product}
+    planned = {plan.base, *(name for step in plan.steps for name in (step.onto, *step.parts))}
+    left_out = [part for part in product if part.name not in planned]
+    stuck = {part.part for part in plan.stuck} | {*plan.withdrawn}
     for number, phase in enumerate(_list_phases(plan), 1):
         if watch.must_stop():
             warnings.append("the nests of later orientations are left out, as time is over.")
@@ -71,7 +74,7 @@ def plan_nests(product: Product, plan: AssemblyPlan, watch: Watch) -> PlannedNes
         watch.report(f"nests: {label}, for {phase.seated[0]}")
         names = ", ".join(phase.seated[:_NAMED]) + (" and others" if phase.seated[_NAMED:] else "")
         try:
-            entry, own = _make(label, phase, parts)
+            entry, own = _make(label, phase, parts, left_out)
         except OptionError as error:
             warnings.append(f"{label} for {names} is not possible: {error}")
             continue
@@ -79,10 +82,11 @@ def plan_nests(product: Product, plan: AssemblyPlan, watch: Watch) -> PlannedNes
         files |= own
         check = entry["check"]
         if check["good"]:
-            lines.append(
-                f"{label} for {names}: good, least gap {check['least_gap_mm']:.3f} mm by "
-                f"{check['rays']:,} rays"
-            )
+            gap = f"{check['least_gap_mm']:.3f} mm" if check["gap_at_mm"] else "5 mm or more"
+            line = f"{label} for {names}: good, least gap {gap} by {check['rays']:,} rays"
+            if "obj" not in entry["files"]:
+                line += "; no OBJ for a task, which accepts fewer corners and pieces"
+            lines.append(line + _describe_without(entry["without"], stuck))
         else:
             warnings.append(f"{label} for {names} is not good: {'; '.join(check['faults'])}.")
     return PlannedNests(tuple(entries), files, tuple(lines), tuple(warnings))
@@ -105,7 +109,7 @@ def _list_phases(plan: AssemblyPlan) -> Iterator[_Phase]:
 
 
 def _make(
-    label: str, phase: _Phase, parts: dict[str, Part]
+    label: str, phase: _Phase, parts: dict[str, Part], left_out: Sequence[Part]
 ) -> tuple[dict[str, Any], dict[str, str | bytes]]:
     """Return the entry and the files of a nest; no files if it is not good."""
     settings, up = NestSettings(), phase.steps[0].up
@@ -124,15 +128,33 @@ def _make(
         words = (f"{fault}, with the parts that come later" for fault in later.faults)
         check = replace(check, faults=(*check.faults, *words))
     entry = build_nest_document(label, nest, check, seated)
+    entry["without"] = [part.name for part in left_out if _is_near(part, nest)]
     if not check.is_good:
         return entry, {}
     files = {
-        f"{_FOLDER}/{name}": content for name, content in format_nest_files(label, nest).items()
+        f"{_FOLDER}/{name}": content
+        for name, content in format_nest_files(label, drop_bad_coarse(room, nest, free)).items()
     }
     entry["files"] = {
         name.removeprefix(f"{_FOLDER}/{label}.").replace(".", "_"): name for name in files
     }
     return entry, files
+
+
+def _describe_without(names: Sequence[str], stuck: Collection[str]) -> str:
+    """Return words for parts that the nest leaves no room for."""
+    words = (
+        f"{name}, which is {'stuck' if name in stuck else 'left out of the plan'}" for name in names
+    )
+    return f"; without {'; '.join(words)}" if names else ""
+
+
+def _is_near(part: Part, nest: Nest) -> bool:
+    """Return whether the boxes about a part and a nest overlap."""
+    own, other = part.vertices_m, nest.vertices_m
+    return bool(
+        (own.min(axis=0) < other.max(axis=0)).all() & (own.max(axis=0) > other.min(axis=0)).all()
+    )
 
 
 def _get_body(part: Part) -> Body:

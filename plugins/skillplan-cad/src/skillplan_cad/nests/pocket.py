@@ -66,9 +66,12 @@ class LowerSurface:
         Heights of the level ones, ascending.
     lowest
         Heights of these, and of edges and corners without a lower neighbour.
+    extent_mm
+        Largest extent of the bodies.
     """
 
     def __init__(self, corners: Floats) -> None:
+        self.extent_mm = float(np.ptp(corners, axis=(0, 1)).max())
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         lengths = np.linalg.norm(normals, axis=1)
         # Walls are the edges of other triangles' projections.

@@ -144,7 +144,8 @@ def is_watertight(triangles: Triangles) -> bool:
 def list_pieces(columns: Sequence[Column], allowed_mm: float) -> list[Body]:
     """Return prisms that enclose columns; each stands into a pocket by at most `allowed_mm`.
 
-    Columns are nested, so each needs only the strip that no higher one has.
+    Columns are nested, so each needs only the strip that no higher one has. No prism leaves the
+    rectangle about its column, so that prisms and mesh have the same box.
     """
     pieces: list[Body] = []
     higher: BaseGeometry = Polygon()
@@ -154,7 +155,8 @@ def list_pieces(columns: Sequence[Column], allowed_mm: float) -> list[Body]:
         # A strip that is narrower than the grid of outlines has no floor.
         if strip.area <= 1 / _PER_MM * strip.length:
             continue
-        for ring in _divide_outline(_coarsen(strip, allowed_mm)):
+        wide = _coarsen(strip, allowed_mm).intersection(outline.envelope)
+        for ring in _divide_outline(keep_areas(wide)):
             pieces.append(_make_prism(ring, low, high))
     return pieces
 
