@@ -140,10 +140,10 @@ def find_driven_mate(
 def find_best_bearing(
     product: Product, relation: Relation, absent: Collection[str] = (), *, holding: bool = False
 ) -> Bearing:
-    """Return the orientation in which most parts are placed, by number and mass.
+    """Return the orientation in which most parts stand by themselves, by number and mass.
 
-    Both shares count the same. Ties go to the orientation in which most parts stand by themselves,
-    then to the one with the fewest supports, then to the first.
+    Both shares count the same. Ties go to the orientation in which most parts are placed with
+    supports, then to the one with the fewest of them, then to the first.
     """
     forces = Equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
@@ -159,7 +159,7 @@ def find_best_bearing(
     for up in ATTITUDES.values():
         bearing = find_bearing(product, relation, up, absent, forces, holding=holding)
         alone = find_bearing(product, relation, up, absent, forces) if bearing.held else bearing
-        key = (weigh(bearing), weigh(alone), -len(bearing.held))
+        key = (weigh(alone), weigh(bearing), -len(bearing.held))
         if best is None or key > best_key:
             best, best_key = bearing, key
         if not (best.why_not or best.undriven or best.held):
