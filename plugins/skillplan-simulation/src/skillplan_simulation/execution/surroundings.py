@@ -340,7 +340,7 @@ class Surroundings:
             if body.body.name in handled and body.placement.fact in state
         ]
         turned = [] if turn is None else self._close_to_turn(turn)
-        return self._reaching_down([*own, *{*self._near[key], *turned}], state)
+        return self._reaching_down([*own, *dict.fromkeys((*self._near[key], *turned))], state)
 
     def around_released(self, freed: Collection[str], state: State) -> Neighbourhood:
         """Return bodies that holders let go, the ones upon them, and their supports."""
