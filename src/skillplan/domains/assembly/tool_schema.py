@@ -34,7 +34,7 @@ from skillplan.robots.arm_description import Hand, JawProfile
 from skillplan.task.motion import AXES
 from skillplan.task.pose import Point, Pose, plus
 from skillplan.task.scene import STANDARD_BIT_M, STANDARD_CUP_M, ToolKind, find_cup_height_m
-from skillplan.task.shape import Box, Cylinder, Mesh, Shape, make_ring
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape, make_ring, move_shape
 
 SAFETY_FACTOR: Final = 2.0
 """Safety factor of suction for parts that are not smooth and dense (Schmalz, holding forces)."""
@@ -420,9 +420,10 @@ class ToolConfig(Strict):
         """Return the convex shapes of the body from its tip, each with its half turn."""
         if self.body is None or kind is ToolKind.GRIPPER:
             return ()
+        above = Pose((0.0, 0.0, self.measure_end_m(kind, hand)))
         shapes = [
             *self._list_socket_shapes(),
-            *(_move_shape(s, self.measure_end_m(kind, hand)) for s in self.body.convex_shapes),
+            *(move_shape(shape, above) for shape in self.body.convex_shapes),
         ]
         # A hand may be turned by half a turn, and the tool with it.
         return tuple(dict.fromkeys([*shapes, *map(_turn_shape, shapes)]))
@@ -530,13 +531,6 @@ def list_shape_corners(shape: Shape) -> tuple[Point, ...]:
         for turn in turns
         for z_m in _span(shape.box, 2)
     )
-
-
-def _move_shape(shape: Shape, up_m: float) -> Shape:
-    if isinstance(shape, Mesh):
-        return replace(shape, corners=tuple((x, y, z + up_m) for x, y, z in shape.corners))
-    x_m, y_m, z_m = shape.centre
-    return replace(shape, centre=(x_m, y_m, z_m + up_m))
 
 
 def _turn_shape(shape: Shape) -> Shape:

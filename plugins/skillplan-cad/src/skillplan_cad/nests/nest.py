@@ -367,11 +367,11 @@ def _place_pins(
     height_m = (float(centre[2]) - layers[0].low_mm) / _TO_MM
     centre = centre[:2]
     extent_m = surface.extent_mm / _TO_MM
-    wanted = max(_MARGIN_MM, compute_margin_m(extent_m, height_m) * _TO_MM)
+    needed_mm = max(_MARGIN_MM, compute_margin_m(extent_m, height_m) * _TO_MM)
     best = measure_margin(corners, centre)
     places = _list_places(overhangs, settings.pin_m * _TO_MM / 2)
     pins: list[Pin] = []
-    while best < wanted and len(pins) < _MOST_PINS and places:
+    while best < needed_mm and len(pins) < _MOST_PINS and places:
         most = 2 if len(pins) + 2 <= _MOST_PINS else 1
         choices = [c for count in range(1, most + 1) for c in combinations(places, count)]
         margins = [
