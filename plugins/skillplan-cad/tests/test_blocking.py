@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import trimesh
 
 from cad_products import ALONG, links, moved, product, related, relation, true_links, truth
-from skillplan_cad import Confirmation, ReadOptions, find_blocked, read_product
+from skillplan_cad import Confirmation, RayMesh, ReadOptions, find_blocked, read_product
 from thinned import thinned
 
 SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")
@@ -187,3 +188,17 @@ class TestConfirmation:
             [invented], [], relation("floating").directions
         )
         assert wrong.rays_say_blocked
+
+
+def test_rays_in_the_planes_of_walls_end_at_the_part():
+    """Rounding decides which triangle they hit, and the plane of a wall gives no distance."""
+    box = trimesh.creation.box((0.02, 0.02, 0.02))
+    for step in range(20):
+        turn = turned((31.0 * step, 17.0 * step, 53.0 * step))
+        part = SimpleNamespace(vertices_m=box.vertices @ turn.T, triangles=box.faces)
+        origins = np.array([(10.0, -50.0, z_mm) for z_mm in range(-9, 10, 2)]) @ turn.T
+        directions = np.tile(turn @ (0.0, 1.0, 0.0), (len(origins), 1))
+        hit, distances = RayMesh(part, np.zeros(3)).trace(origins, directions)
+        struck = distances[hit >= 0]
+        assert len(struck)
+        assert ((struck > 40 - 1e-3) & (struck < 60 + 1e-3)).all()

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from skillplan.collision.solid import Polygon, area, clip_below, intersect
 from skillplan.task.pose import Pose
-from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape, list_prism_faces
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -155,23 +155,8 @@ def _make_prism(cylinder: Cylinder, up: Floats) -> tuple[Floats, Indices, npt.ND
             np.column_stack([ring, np.full(_SIDES, half_m)]),
         ]
     ) + np.array(cylinder.centre)
-    here, there = np.arange(_SIDES), (np.arange(_SIDES) + 1) % _SIDES
-    sides = np.concatenate(
-        [
-            np.column_stack([here, there, there + _SIDES]),
-            np.column_stack([here, there + _SIDES, here + _SIDES]),
-        ]
-    )
-    fan = np.arange(1, _SIDES - 1)
-    zeros = np.zeros_like(fan)
-    ends = np.concatenate(
-        [
-            np.column_stack([zeros, fan + 1, fan]),
-            np.column_stack([zeros, fan, fan + 1]) + _SIDES,
-        ]
-    )
-    faces = np.concatenate([sides, ends])
-    return corners, faces, np.arange(len(faces)) >= len(sides)
+    faces = np.array(list_prism_faces(_SIDES))
+    return corners, faces, np.arange(len(faces)) >= 2 * _SIDES
 
 
 # Precision of the deepest point of an edge, and least depth worth a search [m].

@@ -6,7 +6,7 @@ The origin of this frame is the centre of the body's bottom, z points up.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -215,51 +215,46 @@ def move_shape(shape: Shape, pose: Pose) -> Shape:
     if isinstance(shape, Cylinder):
         if abs(rows[2][2]) >= _AXIS:
             return Cylinder(shape.diameter_m, shape.height_m, centre)
-        return _make_prism(
-            [
-                (
-                    shape.diameter_m / 2 * math.cos(2 * math.pi * number / _ROUND),
-                    shape.diameter_m / 2 * math.sin(2 * math.pi * number / _ROUND),
-                )
-                for number in range(_ROUND)
-            ],
-            shape.height_m,
-            pose.then(Pose(shape.centre)),
-        )
+        turns = [2 * math.pi * number / _ROUND for number in range(_ROUND)]
+        radius_m = shape.diameter_m / 2
+        outline = [(radius_m * math.cos(turn), radius_m * math.sin(turn)) for turn in turns]
+        half_m = shape.height_m / 2
+        return _make_prism(outline, -half_m, half_m, pose.then(Pose(shape.centre)))
     if all(max(map(abs, row)) >= _AXIS for row in rows):
         x, y, z = (sum(abs(r) * e for r, e in zip(row, shape.size, strict=True)) for row in rows)
         return Box((x, y, z), centre)
     x, y, z = (extent / 2 for extent in shape.size)
-    return _make_prism([(x, y), (-x, y), (-x, -y), (x, -y)], 2 * z, pose.then(Pose(shape.centre)))
+    return _make_prism([(x, y), (-x, y), (-x, -y), (x, -y)], -z, z, pose.then(Pose(shape.centre)))
 
 
-def _make_prism(outline: list[tuple[float, float]], height_m: float, pose: Pose) -> Mesh:
-    """Return an upright convex prism about its centre [m] as a mesh in the parent frame.
+def list_prism_faces(count: int) -> list[tuple[int, int, int]]:
+    """Return the triangles of a prism: two for each side, then the bottom, then the top.
 
     Parameters
     ----------
-    outline
-        Corners anticlockwise.
+    count
+        Number of sides, >= 3. Corners are those of the bottom anticlockwise, then of the top.
     """
-    count = len(outline)
-    corners = [
-        pose.apply((x_m, y_m, side * height_m / 2)) for side in (-1, 1) for x_m, y_m in outline
-    ]
     faces = []
     for first in range(count):
         second = (first + 1) % count
         faces += [(first, second, count + second), (first, count + second, count + first)]
-    for number in range(1, count - 1):
-        faces += [(0, number + 1, number), (count, count + number, count + number + 1)]
-    return Mesh(tuple(corners), tuple(faces))
+    faces += [(0, number + 1, number) for number in range(1, count - 1)]
+    return faces + [(count, count + number, count + number + 1) for number in range(1, count - 1)]
 
 
-# Triangles of a wedge of a ring, whose corners are inner and outer, at both turns, low and high.
-_WEDGE = (
-    *((0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6)),
-    *((0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
-    *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5)),
-)
+def _make_prism(
+    outline: Sequence[tuple[float, float]], low_m: float, high_m: float, pose: Pose
+) -> Mesh:
+    """Return an upright convex prism as a mesh in the parent frame.
+
+    Parameters
+    ----------
+    outline
+        Corners anticlockwise [m].
+    """
+    corners = [pose.apply((x_m, y_m, z_m)) for z_m in (low_m, high_m) for x_m, y_m in outline]
+    return Mesh(tuple(corners), tuple(list_prism_faces(len(outline))))
 
 
 def make_ring(
@@ -277,13 +272,20 @@ def make_ring(
         Number of pieces, >= 3.
     """
     turns = [2 * math.pi * side / sides for side in range(sides + 1)]
-    pieces = []
-    for begin, end in pairwise(turns):
-        corners = tuple(
-            (radius_m * math.cos(turn), radius_m * math.sin(turn), height_m)
-            for turn in (begin, end)
-            for radius_m in (inner_m, outer_m)
-            for height_m in (low_m, high_m)
+    return tuple(
+        _make_prism(
+            [
+                (radius_m * math.cos(turn), radius_m * math.sin(turn))
+                for radius_m, turn in (
+                    (inner_m, begin),
+                    (outer_m, begin),
+                    (outer_m, end),
+                    (inner_m, end),
+                )
+            ],
+            low_m,
+            high_m,
+            Pose((0.0, 0.0, 0.0)),
         )
-        pieces.append(Mesh(corners, _WEDGE))
-    return tuple(pieces)
+        for begin, end in pairwise(turns)
+    )

@@ -82,7 +82,6 @@ class RayMesh:
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(across, axis=1)
         self.normals = across / np.where(length > 0, length, 1.0)[:, None]
-        self._corner = corners[:, 0]
         self._scene = EmbreeScene(_open_embree_device())
         self._mesh = TriangleMesh(
             self._scene,
@@ -94,15 +93,22 @@ class RayMesh:
     def trace(self, origins: Floats, directions: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Return the first triangle hit by each ray, and its distance.
 
-        Rays that miss have triangle -1 and infinite distance.
+        Rays that miss have triangle -1 and infinite distance. Distances stay within the extent of
+        the triangle along the ray, so a ray in the plane of a wall has one of the wall.
         """
         hit = self.find_first_hits(origins, directions)
         distance = np.full(len(hit), np.inf)
         struck = np.flatnonzero(hit >= 0)
         normals = self.normals[hit[struck]]
         facing = np.einsum("ij,ij->i", normals, directions[struck])
-        offset = np.einsum("ij,ij->i", self._corner[hit[struck]] - origins[struck], normals)
-        distance[struck] = offset / np.where(np.abs(facing) > 1e-12, facing, 1.0)
+        corners = self.points_mm[self.triangles[hit[struck]]] - origins[struck, None]
+        offset = np.einsum("ij,ij->i", corners[:, 0], normals)
+        along = np.einsum("ijk,ik->ij", corners, directions[struck])
+        distance[struck] = np.clip(
+            offset / np.where(np.abs(facing) > 1e-12, facing, 1.0),
+            np.maximum(along.min(axis=1), 0.0),
+            along.max(axis=1),
+        )
         return hit, distance
 
     def find_first_hits(self, origins: NDArray[Any], directions: NDArray[Any]) -> NDArray[np.int64]:

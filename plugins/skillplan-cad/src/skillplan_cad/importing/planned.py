@@ -322,57 +322,14 @@ def plan_product(
     product, relation = findings.relieved, findings.relation
     bearing = choose_attitude(product, relation, settings.up, holding=settings.holding)
     plan, again = _plan_and_replay(path, findings, settings, bearing, watch)
-    tolerance_m = settings.tolerance_mm / 1000
     document: dict[str, Any] = {"plan": build_plan_document(plan, again, relation)}
     files: dict[str, str | bytes] = {}
     warnings = _list_warnings(plan, again)
     lines = _list_lines(plan, again)
-    words = "is an open surface; --thickness MM makes it a sheet"
-    without = {
-        part.name: LeftOut(part.name, "surface", words)
-        for part in product
-        if part.closure == "surface" and settings.thickness_mm is None
-    }
-    stuck = list_stuck(plan, relation)
-    warnings += shorten_list(
-        [f"{name} is left out of the task: it {reason.text}." for name, reason in stuck.items()],
-        "left_out",
-    )
-    without |= stuck | list_loose_nuts(relation)
+    without = _find_left_out(product, relation, plan, settings, warnings)
     if without:
         bearing = find_bearing(product, relation, bearing.up, without, holding=settings.holding)
-    joints = findings.joints
-    loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
-    remarks = {
-        thinner.name: f"is written with {PLAY_M * 1000:g} mm of play in its press "
-        "fits, as no back end presses parts together"
-        for drawn, thinner in zip(findings.product, loose, strict=True)
-        if drawn is not thinner
-    }
-    arm = settings.robot
-    if arm == AUTO_ARM:
-        placed = [part for part in loose if part.name in bearing.order]
-        arm = choose_arm(placed, bearing.up) if placed else DEFAULT_ARM
-        if arm != DEFAULT_ARM:
-            lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
-    ups = ATTITUDES.values() if settings.up == AUTO else ()
-    others = (find_bearing(product, relation, up, without, holding=settings.holding) for up in ups)
-    longer = LONG_ARM if settings.robot == AUTO_ARM else None
-    task = build_task(
-        loose,
-        relation,
-        plan,
-        arm,
-        bearing,
-        without,
-        remarks,
-        others,
-        writing,
-        longer,
-        holding=settings.holding,
-    )
-    if task.document and task.document["robot"]["model"] != arm:
-        lines.append(f"arm {LONG_ARM}: it brings parts that are out of reach of {arm}")
+    task = _write_task(findings, settings, plan, bearing, without, writing, lines)
     document["attitude"] = build_attitude_document(task.bearing)
     warnings += list_attitude_warnings(product, relation, task.bearing, settings.up)
     document |= build_left_out_document(task.left_out)
@@ -398,6 +355,72 @@ def plan_product(
         tuple(warnings),
         tuple(place_bodies(product, plan, bearing.up)),
     )
+
+
+def _find_left_out(
+    product: Product,
+    relation: Relation,
+    plan: AssemblyPlan,
+    settings: ImportSettings,
+    warnings: list[str],
+) -> dict[str, LeftOut]:
+    """Return the parts that the task leaves out before any is tried; stuck ones also warn."""
+    words = "is an open surface; --thickness MM makes it a sheet"
+    without = {
+        part.name: LeftOut(part.name, "surface", words)
+        for part in product
+        if part.closure == "surface" and settings.thickness_mm is None
+    }
+    stuck = list_stuck(plan, relation)
+    warnings += shorten_list(
+        [f"{name} is left out of the task: it {reason.text}." for name, reason in stuck.items()],
+        "left_out",
+    )
+    return without | stuck | list_loose_nuts(relation)
+
+
+def _write_task(
+    findings: Findings,
+    settings: ImportSettings,
+    plan: AssemblyPlan,
+    bearing: Bearing,
+    without: Mapping[str, LeftOut],
+    writing: Watch,
+    lines: list[str],
+) -> WrittenTask:
+    """Return the task of a plan for the arm that suits it; another arm than usual adds a line."""
+    product, relation, joints = findings.relieved, findings.relation, findings.joints
+    tolerance_m = settings.tolerance_mm / 1000
+    loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
+    remarks = {
+        thinner.name: f"is written with {PLAY_M * 1000:g} mm of play in its press "
+        "fits, as no back end presses parts together"
+        for drawn, thinner in zip(findings.product, loose, strict=True)
+        if drawn is not thinner
+    }
+    arm, chooses = settings.robot, settings.robot == AUTO_ARM
+    if chooses:
+        placed = [part for part in loose if part.name in bearing.order]
+        arm = choose_arm(placed, bearing.up) if placed else DEFAULT_ARM
+        if arm != DEFAULT_ARM:
+            lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
+    ups = ATTITUDES.values() if settings.up == AUTO else ()
+    task = build_task(
+        loose,
+        relation,
+        plan,
+        arm,
+        bearing,
+        without,
+        remarks,
+        (find_bearing(product, relation, up, without, holding=settings.holding) for up in ups),
+        writing,
+        LONG_ARM if chooses else None,
+        holding=settings.holding,
+    )
+    if task.document and task.document["robot"]["model"] != arm:
+        lines.append(f"arm {LONG_ARM}: it brings parts that are out of reach of {arm}")
+    return task
 
 
 def list_loose_nuts(relation: Relation) -> dict[str, LeftOut]:

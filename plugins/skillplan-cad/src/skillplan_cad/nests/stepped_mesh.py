@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from skillplan.task.shape import list_prism_faces
 from skillplan_cad.nests.pocket import keep_areas
 from skillplan_cad.product import Points, Triangles
 
@@ -170,13 +171,7 @@ def _coarsen(outline: BaseGeometry, allowed_mm: float) -> BaseGeometry:
 def _make_prism(ring: Floats, low_mm: float, high_mm: float) -> Body:
     count = len(ring)
     points = np.vstack([np.c_[ring, np.full(count, z)] for z in (low_mm, high_mm)]) / _TO_MM
-    fan = [(0, k, k + 1) for k in range(1, count - 1)]
-    ends = [(0, k + 1, k) for k in range(1, count - 1)]
-    faces = ends + [(count + a, count + b, count + c) for a, b, c in fan]
-    for k in range(count):
-        after = (k + 1) % count
-        faces += [(k, after, count + after), (k, count + after, count + k)]
-    return points, np.array(faces, dtype=np.int64)
+    return points, np.array(list_prism_faces(count), dtype=np.int64)
 
 
 def _divide_outline(outline: BaseGeometry) -> list[Floats]:

@@ -16,6 +16,7 @@ import yaml
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from skillplan.collision import compute_margin_m
 from skillplan.collision.contact_forces import find_axes_across
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
@@ -234,9 +235,8 @@ def _mask_fitting(
 
 
 DRIVER = "screwdriver"
-# A part that stands alone has its feet within a height [m], and bears a tilt and an error of its
-# centre of mass [m].
-_LEVEL_FEET_M, _TILT_DEG, _LEAST_MARGIN_M = 1e-4, 2.0, 2e-4
+# Height within which the feet of a part lie that stands alone [m].
+_LEVEL_FEET_M = 1e-4
 # For nuts that go over standing bolts, by size.
 SOCKETS = ("socket", "socket_2")
 
@@ -431,13 +431,13 @@ def lay_out_parts(
 
 
 def stands_alone(part: Part, upright: Upright) -> bool:
-    """Return whether a part stands on the table by itself, also if it is tilted a little."""
+    """Return whether a part stands on the table by itself, with the margin of the core."""
     corners = upright.vertices(part)
     centre = np.asarray(upright.point(part.centre_m))
     height_m = float(centre[2] - corners[:, 2].min())
     feet = corners[corners[:, 2] < corners[:, 2].min() + _LEVEL_FEET_M]
-    margin_m = math.tan(math.radians(_TILT_DEG)) * height_m + _LEAST_MARGIN_M
-    return is_over(centre[:2], feet[:, :2], margin_m)
+    extent_m = float(np.ptp(corners, axis=0).max())
+    return is_over(centre[:2], feet[:, :2], compute_margin_m(extent_m, height_m))
 
 
 def _feeders(
