@@ -106,10 +106,10 @@ def test_a_seal_may_be_squeezed_by_a_third_of_its_section(tmp_path):
 
 @pytest.mark.parametrize(("name", "is_fit"), [("spur gear (24 teeth)", True), ("disc", False)])
 def test_gears_whose_teeth_overlap_in_the_drawing_mesh(tmp_path, name, is_fit):
-    """Two rims of 20 mm that are 0.5 mm deep in each other, 4 mm long."""
+    """Two rims of 20 mm that are 1.5 mm deep in each other, 5 mm long."""
     wheel = trimesh.creation.annulus(r_min=5, r_max=20, height=5, sections=64)
     wheel.export(tmp_path / f"a {name}.stl")
-    wheel.apply_translation((39.5, 0, 0))
+    wheel.apply_translation((38.5, 0, 0))
     wheel.export(tmp_path / f"b {name}.stl")
     fit = contact(tmp_path, f"a {name}", f"b {name}").fit
     assert (fit is not None and fit.kind == "teeth") == is_fit
@@ -169,6 +169,24 @@ def test_an_overlap_of_edges_or_corners_is_as_deep_as_the_parts_have_to_move(tmp
     result = overlap(tmp_path, block((40, 40, 40)), block((40, 40, 40), (39.52, across, 39.52)))
     assert result.interferes
     assert result.overlap_depth_m == pytest.approx(0.48e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("depth_mm", "tilt_deg", "is_fit"), [(0.8, 0, True), (0.8, 45, False), (1.3, 0, False)]
+)
+def test_a_foot_that_is_drawn_a_little_sunk_leaves_its_seat_and_no_deeper_one_does(
+    tmp_path, depth_mm, tilt_deg, is_fit
+):
+    """Up to 1 mm and a tenth of its height; a corner that digs in has no seat."""
+    foot = block((12, 12, 20))
+    foot.apply_transform(trimesh.transformations.rotation_matrix(np.radians(tilt_deg), (0, 1, 0)))
+    foot.apply_translation((0, 0, 20 - depth_mm - foot.bounds[0][2]))
+    result = overlap(tmp_path, block((40, 40, 40)), foot)
+    assert result.interferes == (not is_fit)
+    if is_fit:
+        assert result.fit.kind == "sunk"
+        assert result.fit.depth_m == pytest.approx(depth_mm * 1e-3, rel=0.05)
+        assert result.fit.allowed_m == pytest.approx(1e-3)
 
 
 @pytest.mark.parametrize("height_mm", [10, 60], ids=["inside", "through"])

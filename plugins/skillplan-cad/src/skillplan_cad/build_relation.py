@@ -69,7 +69,9 @@ def find_joints(
     fasteners = recognised.fasteners
     directions = choose_directions(source, fits, fasteners, contacts)
     named = _mark_threads(contacts, fasteners, threads, tolerance_m)
-    contacts = classify_overlaps(product, named, fits, fasteners, options or FitOptions())
+    contacts = classify_overlaps(
+        product, named, fits, fasteners, options or FitOptions(), directions
+    )
     return Joints(contacts, fasteners, directions, recognised.notes)
 
 

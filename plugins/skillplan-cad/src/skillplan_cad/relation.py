@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from skillplan_cad.product import Vector
 
 ContactKind = Literal["plane", "cylinder", "thread", "free"]
-FitKind = Literal["press fit", "thread", "seal", "teeth", "overlap", "thread in solid", "no hole"]
+FitKind = Literal[
+    "press fit", "thread", "seal", "teeth", "overlap", "thread in solid", "no hole", "sunk"
+]
 
 
 @dataclass(frozen=True, slots=True)

@@ -264,6 +264,11 @@ def restore_replay(content: bytes) -> Replay:
     return _REPLAY.validate_json(content)
 
 
+_LOOSE = (
+    f"is written with {PLAY_M * 1000:g} mm of play in its press fits, as no back end presses parts "
+    "together"
+)
+_CUT_BACK = "is drawn sunk in a part that it sits on, and is written without this overlap"
 # Factor on the plan's chord and tolerance for the replay.
 _FINER = 0.4
 _SHOWN = 6
@@ -392,9 +397,14 @@ def _write_task(
     product, relation, joints = findings.relieved, findings.relation, findings.joints
     tolerance_m = settings.tolerance_mm / 1000
     loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
+    sunk = {
+        name
+        for contact in joints.contacts
+        for name in contact.parts
+        if contact.fit and contact.fit.kind == "sunk"
+    }
     remarks = {
-        thinner.name: f"is written with {PLAY_M * 1000:g} mm of play in its press "
-        "fits, as no back end presses parts together"
+        thinner.name: _CUT_BACK if thinner.name in sunk else _LOOSE
         for drawn, thinner in zip(findings.product, loose, strict=True)
         if drawn is not thinner
     }

@@ -1,4 +1,4 @@
-"""Overlaps that CAD draws on purpose: press fits, threads, seals and teeth, up to an allowance.
+"""Overlaps that CAD draws on purpose: press fits, threads, seals, teeth and sunk seats.
 
 Sources: ISO 286-1:2010, tables 1 and 4 (standard tolerances and deviations of shafts zc);
 ISO 261:1998 and ISO 68-1:1998 (coarse pitch and depth of metric threads);
@@ -52,6 +52,10 @@ _SQUEEZE = 0.3
 _TEETH = 0.1
 # Overlap that a press fit explains, as a share of its own volume.
 _EXPLAINED = 1.25
+# Greatest depth of a part that is drawn sunk in its seat: in metres, and as shares of its extent
+# and of the overlap's width; greatest share of its volume. Halvings that measure the depth.
+_SUNK_M, _SUNK, _SUNK_WIDTH, _SUNK_VOLUME = 1e-3, 0.1, 1 / 3, 0.1
+_HALVINGS = 6
 # Corners of a drilled hole.
 _CORNERS = 48
 # Smallest depth that is no rounding error, in metres and in radii.
@@ -92,8 +96,15 @@ def classify_overlaps(
     fits: Sequence[CylinderFit],
     fasteners: Sequence[Fastener],
     options: FitOptions,
+    directions: Sequence[Vector] = (),
 ) -> tuple[Contact, ...]:
-    """Return contacts whose overlaps are fits marked as such."""
+    """Return contacts whose overlaps are fits marked as such.
+
+    Parameters
+    ----------
+    directions
+        Unit vectors along which a part may be drawn sunk in its seat.
+    """
     declared = {frozenset(pair) for pair in options.press_fits}
     joined = {
         frozenset((fastener.part, other)): fastener
@@ -110,6 +121,7 @@ def classify_overlaps(
             [fit for fit in own if _measure_depth_m(fit) > 0],
             joined.get(frozenset(contact.parts)),
             frozenset(contact.parts) in declared,
+            directions,
         )
         classified.append(replace(contact, fit=overlap.classify(options)))
     return tuple(classified)
@@ -127,6 +139,8 @@ class _Overlap:
         The fastener that one part is, if it joins the other.
     is_declared
         True if the user declares a fit.
+    directions
+        As for `classify_overlaps`.
     """
 
     contact: Contact
@@ -134,6 +148,7 @@ class _Overlap:
     tight: Sequence[CylinderFit]
     fastener: Fastener | None
     is_declared: bool
+    directions: Sequence[Vector]
 
     def classify(self, options: FitOptions) -> Fit | None:
         """Return the fit that the overlap is, or None."""
@@ -159,11 +174,43 @@ class _Overlap:
             limits = self._list_limits(diameter_m)[: 1 if is_elsewhere else None]
         kinds = [(kind, limit_m) for kind, limit_m in limits if depth_m <= limit_m]
         if not kinds:
-            return None
+            return None if options.allowance_m is not None else self._find_seat()
         kind, allowed_m = kinds[0]
         return Fit(
             "press fit" if kind == "overlap" and self.tight else kind, depth_m, allowed_m, volume_m3
         )
+
+    def _find_seat(self) -> Fit | None:
+        """Return the fit of a part that is drawn a little sunk in its seat, or None.
+
+        The smaller part then leaves the larger one by a short straight move.
+        """
+        smaller, larger = sorted(self.parts, key=lambda part: part.volume_m3)
+        volume_m3 = self.contact.overlap_m3
+        if self.tight or volume_m3 > _SUNK_VOLUME * smaller.volume_m3:
+            return None
+        solid, seat = (make_solid(part.vertices_m, part.triangles) for part in (smaller, larger))
+        allowed_mm3 = self.contact.overlap_allowed_m3 * 1e9
+
+        def is_free(vector: Points, distance_m: float) -> bool:
+            moved = solid.translate([float(value) * distance_m * 1e3 for value in vector])
+            return float((moved ^ seat).volume()) <= allowed_mm3
+
+        normals = [sign * np.asarray(normal) for normal in self.contact.normals for sign in (1, -1)]
+        depths = []
+        for vector in (*map(np.asarray, self.directions), *normals):
+            extent_m = float(np.ptp(smaller.vertices_m @ vector))
+            shares = (_SUNK * extent_m, _SUNK_WIDTH * self.contact.overlap_section_m)
+            limit_m = min(_SUNK_M, *shares)
+            if not is_free(vector, limit_m):
+                continue
+            low_m, high_m = 0.0, limit_m
+            for _ in range(_HALVINGS):
+                middle_m = (low_m + high_m) / 2
+                free = is_free(vector, middle_m)
+                low_m, high_m = (low_m, middle_m) if free else (middle_m, high_m)
+            depths.append((high_m, limit_m))
+        return Fit("sunk", *min(depths), volume_m3) if depths else None
 
     def _are_teeth(self) -> bool:
         """Return whether a gear overlaps its mate by no more than its teeth can."""
