@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from types import TracebackType
 from typing import Any
 
 import mujoco
@@ -15,6 +14,7 @@ from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Pose, name_shank
 from skillplan_mujoco.cell import Cell
 from skillplan_mujoco.cell_model import FOOT_GROUP, FRICTIONAL
+from skillplan_simulation import simulator
 from skillplan_simulation.simulator import (
     CARRIER,
     ROBOT,
@@ -174,52 +174,37 @@ _FAR_M, _FAST_M_PER_S = 10.0, 50.0
 _NEAR_M = 0.0005
 
 
-class World:
+class World(simulator.World):
     """A table and bodies under gravity, advanced 240 times a simulated second.
 
     Worlds of a cell share its model: a new one invalidates the previous one.
     """
 
     def __init__(self, cell: Cell) -> None:
-        self.cell, self.friction = cell, cell.friction
+        super().__init__(cell.friction)
+        self.cell = cell
         self.model, self.data, self.ids = cell.model, cell.start(), cell.ids
-        self.steps = 0
-        self.numbers: dict[str, int] = {TABLE: self.ids[TABLE]}
-        self._masses: dict[str, float] = {}
-        self._masks = PairMasks(self.model, cell.owners, self.numbers)
-        self._fastened: dict[tuple[str, str], int] = {}
-        # Bonds of bodies that the carrier moves.
-        self._carried: list[int] = []
+        self.numbers[TABLE] = self.ids[TABLE]
+        self.filters: PairMasks = PairMasks(self.model, cell.owners, self.numbers)
         self._is_prepared = False
         # Contacts of the last step, once read.
         self._touches: list[Touch] | None = None
-        self._masks.set()
-
-    def __enter__(self) -> World:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Do nothing: the next world resets the model."""
+        self.filters.set()
 
     def show_arm(self) -> None:
         """Put the arm into the world."""
         self.numbers[ROBOT] = self.ids[ROBOT]
         self.cell.weigh_arm()
-        self._masks.set()
+        self.filters.set()
 
     def fit(self, hand: Hand) -> None:
         """Mount another hand of the model."""
-        self._masks.idle(self.cell.fit(hand))
+        self.filters.idle(self.cell.fit(hand))
         self.placed()
 
     def geoms(self, name: str) -> list[int]:
         """Return the numbers of the geometries of a body."""
-        return self._masks.geoms(self.numbers[name])
+        return self.filters.geoms(self.numbers[name])
 
     def prepare(self) -> None:
         """Compute positions, contacts, inertia and bias for the next step."""
@@ -235,29 +220,22 @@ class World:
         self.steps += 1
 
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
-        """Put a body at a pose, its origin at the centre of its bottom.
-
-        Parameters
-        ----------
-        stands
-            Ignored: every body in the world can be moved, except those of a task that are fixed.
-        """
+        """Put a body at a pose; all can be moved, except those that a task fixes."""
         number = self.numbers[body.name] = self.ids[body.name]
         self._masses[body.name] = body.mass_kg
         if body.shank is not None:
             shank = name_shank(body.name)
             self.numbers[shank] = self.ids[shank]
-            self._masks.part(shank, body.shank.unchecked)
+            self.filters.part(shank, body.shank.unchecked)
         if not body.fixed:
             self.model.body_gravcomp[number] = 0.0
             self.put(body.name, pose)
-        self._masks.set()
+        self.filters.set()
         return number
 
     def remove(self, name: str) -> None:
         """Take a body out of the world, with all its fastenings."""
-        for pair in [pair for pair in self._fastened if name in pair]:
-            self.release(self._fastened.pop(pair))
+        self._release_all(name)
         place, speed = self.cell.coordinates(name)
         self.data.qpos[place] = self.model.qpos0[place]
         self.data.qvel[speed] = 0.0
@@ -265,7 +243,7 @@ class World:
         self.numbers.pop(name_shank(name), None)
         del self._masses[name]
         self.placed()
-        self._masks.set()
+        self.filters.set()
 
     def stand(self, moving: Iterable[str]) -> None:
         """Do nothing: bodies that are not moved need no fixing here."""
@@ -343,71 +321,34 @@ class World:
         mujoco.mju_quat2Mat(rotation, self.data.qpos[place][3:])
         return rotation.reshape(3, 3)
 
-    def mass_kg(self, name: str) -> float:
-        """Return the mass of a body [kg]."""
-        return self._masses[name]
-
     def weigh(self, name: str, mass_kg: float) -> None:
         """Change the mass of a body temporarily; its shape stays."""
         self.cell.scale_mass(name, mass_kg / self._masses[name])
         self._masses[name] = mass_kg
 
     @property
-    def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies of the scene, in order of insertion."""
-        return tuple(self._masses)
-
-    @property
     def fixed(self) -> frozenset[str]:
         """Bodies that cannot move."""
         return frozenset(name for name in self._masses if self.cell.is_still(name))
 
-    def others(self, name: str) -> list[str]:
-        """Return the names of the table and all bodies but one."""
-        return [other for other in (TABLE, *self.bodies) if other != name]
-
     def smooth(self, names: Iterable[str]) -> None:
         """Disable friction of parts of the arm."""
-        geoms = [geom for name in names for geom in self._masks.geoms(self.ids[name])]
+        geoms = [geom for name in names for geom in self.filters.geoms(self.ids[name])]
         # The geometry with the higher priority determines the contact.
         self.model.geom_priority[geoms], self.model.geom_condim[geoms] = 1, 1
 
     def roughen(self, names: Iterable[str]) -> None:
         """Enable friction of parts of the arm again."""
-        geoms = [geom for name in names for geom in self._masks.geoms(self.ids[name])]
+        geoms = [geom for name in names for geom in self.filters.geoms(self.ids[name])]
         self.model.geom_priority[geoms], self.model.geom_condim[geoms] = 0, FRICTIONAL
-
-    def part(self, name: str, others: Iterable[str]) -> None:
-        """Let a body pass through others."""
-        self._masks.part(name, others)
-
-    def join(self, name: str, others: Iterable[str]) -> None:
-        """Let a body touch others again."""
-        self._masks.join(name, others)
-
-    def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Disable collisions of links of a body; see :meth:`PairMasks.withdraw`."""
-        self._masks.withdraw(name, links)
 
     def hold(self, name: str) -> int:
         """Fix a body in place; return the constraint for `release`."""
         return self.bond(0, self.numbers[name])
 
-    def fasten(self, name: str, other: str) -> None:
-        """Fix a body to another in its current pose; from now on they pass through each other."""
-        self.part(name, [other])
-        bearing = 0 if other == TABLE else self.numbers[other]
-        self._fastened[name, other] = self.bond(bearing, self.numbers[name])
-
-    @property
-    def fastened(self) -> frozenset[tuple[str, str]]:
-        """Pairs of bodies that `fasten` fixed to each other."""
-        return frozenset(self._fastened)
-
-    def unfasten(self, name: str, other: str) -> None:
-        """Remove what `fasten` fixed; the two touch again."""
-        self.release(self._fastened.pop((name, other)))
-        self.join(name, [other])
+    def fix(self, name: str, other: str) -> int:
+        """Fix a body to another in its current pose; return the constraint for `release`."""
+        return self.bond(self.numbers[other], self.numbers[name])
 
     def carry(self, names: Iterable[str], pose: Pose) -> None:
         """Fix bodies to a heavy carrier at a pose, which `drive` moves."""
@@ -422,12 +363,6 @@ class World:
         self._put(CARRIER, pose)
         self.data.qvel[speed] = (*velocity, *pose.inverse().rotate(spin))
         self._is_prepared = False
-
-    def set_down(self) -> None:
-        """Release all bodies from the carrier."""
-        for constraint in self._carried:
-            self.release(constraint)
-        self._carried = []
 
     def bond(self, bearing: int, body: int) -> int:
         """Fix a body of the model to another in its current pose; return the constraint."""
@@ -466,8 +401,8 @@ class World:
         """Return the distance between two bodies, at most `most_m` [m]."""
         distances_m = (
             mujoco.mj_geomDistance(self.model, self.data, first, second, most_m, None)
-            for first in self._masks.geoms(self.numbers[name])
-            for second in self._masks.geoms(self.numbers[other])
+            for first in self.filters.geoms(self.numbers[name])
+            for second in self.filters.geoms(self.numbers[other])
         )
         return min(map(float, distances_m))
 

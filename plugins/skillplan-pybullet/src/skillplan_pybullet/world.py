@@ -18,6 +18,7 @@ from skillplan.task.scene import Body, Pose, name_shank
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.mass_properties import MassProperties, compute_mass_properties
 from skillplan_pybullet.quiet_output import quiet_output
+from skillplan_simulation import simulator
 from skillplan_simulation.simulator import (
     CARRIER_KG,
     CARRIER_KG_M2,
@@ -285,31 +286,24 @@ _FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _OWN_PLACE, _PLACE = 1, 2, 3, 4, 5, 
 _NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
 
 
-class World:
+class World(simulator.World):
     """A table and bodies under gravity, advanced 240 times a simulated second.
 
     A context manager: it frees the simulator's memory at the end.
     """
 
     def __init__(self, friction: float) -> None:
-        self.friction = friction
-        self.steps = 0
-        self.numbers: dict[str, int] = {}
+        super().__init__(friction)
         self.names: dict[int, str] = {}
         # Names of the arm's links that handle parts.
         self.link_names: dict[int, str] = {}
         self._properties: dict[str, MassProperties] = {}
-        self._masses: dict[str, float] = {}
         # Bodies that are not convex, and whether they are fixed.
         self._hollow: dict[str, tuple[Body, bool]] = {}
         # Bodies that a task fixes.
         self._still: set[str] = set()
-        # Constraints between bodies that are fixed to each other.
-        self._fastened: dict[tuple[str, str], int] = {}
         self._pushes: dict[str, NDArray[np.float64]] = {}
-        # Body that moves others, and their constraints.
         self._carrier: int | None = None
-        self._carried: list[int] = []
         with quiet_output():
             self.client = pybullet.connect(pybullet.DIRECT)
             pybullet.setTimeStep(STEP_S, physicsClientId=self.client)
@@ -326,11 +320,8 @@ class World:
                 physicsClientId=self.client,
             )
         pybullet.changeDynamics(table, -1, lateralFriction=friction, physicsClientId=self.client)
-        self._filter = PairFilter(self.client, self.numbers)
+        self.filters: PairFilter = PairFilter(self.client, self.numbers)
         self.name(table, TABLE)
-
-    def __enter__(self) -> World:
-        return self
 
     def __exit__(
         self,
@@ -348,7 +339,7 @@ class World:
 
     def renew(self, name: str) -> None:
         """Apply the collision filters to a body that was loaded anew."""
-        self._filter.added(name)
+        self.filters.added(name)
 
     def step(self) -> None:
         """Advance by 1/240 s."""
@@ -365,13 +356,9 @@ class World:
         self.steps += 1
 
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
-        """Put a body at a pose, its origin at the centre of its bottom.
+        """Put a body at a pose.
 
-        Parameters
-        ----------
-        stands
-            True if the body is fixed. A fixed body that is not convex has its exact shape; moving
-            bodies consist of convex pieces.
+        A fixed body that is not convex has its exact shape; moving ones consist of convex pieces.
         """
         properties = compute_mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
         is_fixed = body.fixed or (stands and bool(body.surfaces))
@@ -383,7 +370,7 @@ class World:
             shank=None if body.shank is None else body.shank.shape,
         )
         if body.shank is not None:
-            self._filter.pass_through(body.name, body.shank.unchecked)
+            self.filters.pass_through(body.name, body.shank.unchecked)
         self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
         self._hollow.pop(body.name, None)
         self._still.discard(body.name)
@@ -392,7 +379,7 @@ class World:
         elif body.surfaces:
             self._hollow[body.name] = (body, is_fixed)
         self.name(number, body.name)
-        self._filter.added(body.name)
+        self.filters.added(body.name)
         self.put(body.name, pose)
         details = {} if is_fixed else {"localInertiaDiagonal": properties.inertia_kg_m2.tolist()}
         if is_fixed and body.surfaces:
@@ -427,8 +414,7 @@ class World:
 
     def remove(self, name: str) -> None:
         """Take a body out of the world, with all its fastenings."""
-        for pair in [pair for pair in self._fastened if name in pair]:
-            self.release(self._fastened.pop(pair))
+        self._release_all(name)
         number = self.numbers.pop(name)
         del self.names[number], self._properties[name], self._masses[name]
         self._hollow.pop(name, None)
@@ -439,9 +425,7 @@ class World:
     def _remake(self, body: Body, *, stands: bool) -> None:
         """Recreate a body in place, with its fastenings."""
         pose, name = self.pose(body.name), body.name
-        fastened = [pair for pair in self._fastened if name in pair]
-        for pair in fastened:
-            self.release(self._fastened.pop(pair))
+        fastened = self._release_all(name)
         number = self.numbers.pop(name)
         del self.names[number]
         with quiet_output():
@@ -507,10 +491,6 @@ class World:
                 return False
         return True
 
-    def mass_kg(self, name: str) -> float:
-        """Return the mass of a body [kg]."""
-        return self._masses[name]
-
     def inertia_kg_m2(self, name: str) -> NDArray[np.float64]:
         """Return the inertia tensor about the centre of mass in world axes, shape (3, 3)."""
         _, orientation = pybullet.getBasePositionAndOrientation(
@@ -535,27 +515,6 @@ class World:
         self._properties[name] = replace(
             properties, inertia_kg_m2=factor * properties.inertia_kg_m2
         )
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies of the scene, in order of insertion."""
-        return tuple(self._properties)
-
-    def others(self, name: str) -> list[str]:
-        """Return the names of the table and all bodies but one."""
-        return [other for other in (TABLE, *self.bodies) if other != name]
-
-    def part(self, name: str, others: Iterable[str]) -> None:
-        """Let a body pass through others."""
-        self._filter.part(name, others)
-
-    def join(self, name: str, others: Iterable[str]) -> None:
-        """Let a body touch others again."""
-        self._filter.join(name, others)
-
-    def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Disable collisions of links of a body; see :meth:`PairFilter.withdraw`."""
-        self._filter.withdraw(name, links)
 
     def hold(self, name: str) -> int:
         """Fix a body in place; return the constraint for `release`."""
@@ -597,7 +556,7 @@ class World:
         heads = {
             f"linkIndex{side}": -1
             for side, body in (("A", name), ("B", other))
-            if self._filter.has_shank(body)
+            if self.filters.has_shank(body)
         }
         points: Sequence[Any] = pybullet.getClosestPoints(
             *numbers, distance_m, physicsClientId=self.client, **heads
@@ -638,24 +597,6 @@ class World:
             return self.link_names.get(link, ROBOT)
         return name_shank(name) if link == _SHANK_LINK else name
 
-    def fasten(self, name: str, other: str) -> None:
-        """Fix a body to another in its current pose; from now on they pass through each other."""
-        self.part(name, [other])
-        if other == TABLE:
-            self._fastened[name, other] = self.hold(name)
-        else:
-            self._fastened[name, other] = self._fix(self.numbers[name], self.numbers[other])
-
-    @property
-    def fastened(self) -> frozenset[tuple[str, str]]:
-        """Pairs of bodies that `fasten` fixed to each other."""
-        return frozenset(self._fastened)
-
-    def unfasten(self, name: str, other: str) -> None:
-        """Remove what `fasten` fixed; the two touch again."""
-        self.release(self._fastened.pop((name, other)))
-        self.join(name, [other])
-
     def carry(self, names: Iterable[str], pose: Pose) -> None:
         """Fix bodies to a heavy carrier at a pose, which `drive` moves."""
         if self._carrier is None:
@@ -671,7 +612,7 @@ class World:
         pybullet.resetBasePositionAndOrientation(
             self._carrier, pose.position, pose.orientation, physicsClientId=self.client
         )
-        self._carried += [self._fix(self.numbers[name], self._carrier) for name in names]
+        self._carried += [self._bond(self.numbers[name], self._carrier) for name in names]
 
     def drive(self, pose: Pose, after: Pose) -> None:
         """Set the pose of the carrier, and its speed to the pose after the next step."""
@@ -692,15 +633,17 @@ class World:
 
     def set_down(self) -> None:
         """Release all bodies from the carrier."""
-        for constraint in self._carried:
-            self.release(constraint)
-        self._carried = []
+        super().set_down()
         if self._carrier is not None:
             with quiet_output():
                 pybullet.removeBody(self._carrier, physicsClientId=self.client)
             self._carrier = None
 
-    def _fix(self, number: int, bearing: int) -> int:
+    def fix(self, name: str, other: str) -> int:
+        """Fix a body to another in its current pose; return the constraint for `release`."""
+        return self._bond(self.numbers[name], self.numbers[other])
+
+    def _bond(self, number: int, bearing: int) -> int:
         """Fix a body to another in its current pose; return the constraint."""
         here, there = (
             pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)

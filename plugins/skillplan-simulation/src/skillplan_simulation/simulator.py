@@ -79,10 +79,23 @@ class Touch:
         return Touch(self.second, self.first, self.place, normal, self.normal_n, force_n)
 
 
+class Filters(Protocol):
+    """Pairs of bodies of a world that pass through each other."""
+
+    def part(self, name: str, others: Iterable[str]) -> None:
+        """Let a body pass through others."""
+
+    def join(self, name: str, others: Iterable[str]) -> None:
+        """Let a body touch others again."""
+
+    def withdraw(self, name: str, links: Iterable[int]) -> None:
+        """Disable collisions of these links of a body only; -1 is a body without joints."""
+
+
 class World(Protocol):
     """A table and bodies under gravity, advanced 240 times a simulated second.
 
-    A context manager that frees its resources at the end.
+    A context manager that frees its resources at the end. Engines inherit the fastenings.
 
     Attributes
     ----------
@@ -95,9 +108,18 @@ class World(Protocol):
     friction: float
     steps: int
     numbers: dict[str, int]
+    filters: Filters
+    _masses: dict[str, float]
+    # Constraints of fastenings, and of bodies on the carrier.
+    _fastened: dict[tuple[str, str], int]
+    _carried: list[int]
+
+    def __init__(self, friction: float) -> None:
+        self.friction, self.steps = friction, 0
+        self.numbers, self._masses, self._fastened, self._carried = {}, {}, {}, []
 
     def __enter__(self) -> Self:
-        """Return the world."""
+        return self
 
     def __exit__(
         self,
@@ -105,19 +127,27 @@ class World(Protocol):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Free all resources."""
+        """Free all resources, if there are any."""
+        return
 
     def step(self) -> None:
         """Advance by 1/240 s."""
 
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
-        """Put a body at a pose; return its number."""
+        """Put a body at a pose, its origin at the centre of its bottom; return its number.
+
+        Parameters
+        ----------
+        stands
+            True if the body is not to be moved. pybullet fixes one that is not convex, because
+            only a fixed body has its exact shape there.
+        """
 
     def remove(self, name: str) -> None:
         """Take a body out of the world, with all its fastenings."""
 
     def stand(self, moving: Iterable[str]) -> None:
-        """Fix all bodies except those to be moved."""
+        """Fix all bodies except those to be moved, if the simulator needs that."""
 
     def push(self, name: str, force_n: Vector) -> None:
         """Push the centre of a body in every step until further notice [N], shape (3,)."""
@@ -136,6 +166,7 @@ class World(Protocol):
 
     def mass_kg(self, name: str) -> float:
         """Return the mass of a body [kg]."""
+        return self._masses[name]
 
     def weigh(self, name: str, mass_kg: float) -> None:
         """Change the mass of a body temporarily; its shape stays."""
@@ -143,6 +174,7 @@ class World(Protocol):
     @property
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies of the scene, in order of insertion."""
+        return tuple(self._masses)
 
     @property
     def fixed(self) -> frozenset[str]:
@@ -150,28 +182,50 @@ class World(Protocol):
 
     def others(self, name: str) -> list[str]:
         """Return the names of the table and all bodies but one."""
+        return [other for other in (TABLE, *self.bodies) if other != name]
 
     def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
+        self.filters.part(name, others)
 
     def join(self, name: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
+        self.filters.join(name, others)
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
         """Disable collisions of these links of a body only; -1 is a body without joints."""
+        self.filters.withdraw(name, links)
 
     def hold(self, name: str) -> int:
         """Fix a body in place; return the constraint for `release`."""
 
+    def fix(self, name: str, other: str) -> int:
+        """Fix a body to another in its current pose; return the constraint for `release`."""
+
+    def release(self, constraint: int) -> None:
+        """Remove a constraint."""
+
     def fasten(self, name: str, other: str) -> None:
         """Fix a body to another in its current pose; from now on they pass through each other."""
+        self.part(name, [other])
+        self._fastened[name, other] = self.hold(name) if other == TABLE else self.fix(name, other)
 
     @property
     def fastened(self) -> frozenset[tuple[str, str]]:
         """Pairs of bodies that `fasten` fixed to each other."""
+        return frozenset(self._fastened)
 
     def unfasten(self, name: str, other: str) -> None:
         """Remove what `fasten` fixed; the two touch again."""
+        self.release(self._fastened.pop((name, other)))
+        self.join(name, [other])
+
+    def _release_all(self, name: str) -> list[tuple[str, str]]:
+        """Remove all fastenings of a body and return their pairs."""
+        pairs = [pair for pair in self._fastened if name in pair]
+        for pair in pairs:
+            self.release(self._fastened.pop(pair))
+        return pairs
 
     def carry(self, names: Iterable[str], pose: Pose) -> None:
         """Fix bodies to a heavy carrier at a pose, which `drive` moves."""
@@ -181,9 +235,9 @@ class World(Protocol):
 
     def set_down(self) -> None:
         """Release all bodies from the carrier."""
-
-    def release(self, constraint: int) -> None:
-        """Remove a constraint."""
+        for constraint in self._carried:
+            self.release(constraint)
+        self._carried = []
 
     def nearest(self, name: str, others: Iterable[str] | None = None) -> str | None:
         """Return the body that touches or is nearest to another within 0.5 mm, or None."""
