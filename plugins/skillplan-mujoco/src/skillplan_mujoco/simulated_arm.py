@@ -17,15 +17,12 @@ from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
 from skillplan_mujoco.cell_model import ARM_TORSION_M, TIP, format_joint_name
 from skillplan_mujoco.world import World, multiply, multiply_matrices, multiply_transposed
-from skillplan_pinocchio.arm_model import assume_masses
 from skillplan_pinocchio.kinematics.fixed_order import solve_linear
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import (
     TipPose,
     compute_rotation_left,
-    get_kinematics,
     is_balanced,
-    make_unreachable_error,
     points_down,
     resolve_acceleration,
 )
@@ -34,10 +31,9 @@ from skillplan_simulation.simulator import (
     FINGERS,
     GRAVITY_M_PER_S2,
     HAND,
-    JAW_SPEED_M_PER_S,
     ROBOT,
-    STEP_S,
     STEPS_PER_S,
+    Arm,
 )
 from skillplan_simulation.static_friction import HoldingArm, StaticFriction
 
@@ -181,13 +177,12 @@ class SmoothPads(StaticFriction):
         super().let_go()
 
 
-# Force that holds jaws open [N], and stiffness and damping of a jaw's position control [N/m],
-# [N s/m]. The force of a jaw that closes on a part saturates.
-_OPENING_FORCE_N = 40.0
+# Stiffness and damping of a jaw's position control [N/m], [N s/m]. The force of a jaw that closes on
+# a part saturates.
 _JAW_STIFFNESS_N_PER_M, _JAW_DAMPING_N_S_PER_M = 4000.0, 40.0
 
 
-class SimulatedArm:
+class SimulatedArm(Arm):
     """The arm of a world; see `skillplan_simulation.simulator.Arm`.
 
     Parameters
@@ -197,15 +192,9 @@ class SimulatedArm:
     """
 
     def __init__(self, world: World, robot: Robot, settings: ExecutionSettings, hand: Hand) -> None:
-        self.world, self.robot, self.settings = world, robot, settings
-        self.kinematics = get_kinematics(robot)
+        super().__init__(robot)
+        self.world, self.settings = world, settings
         self.link_names = {world.ids[name]: name for name in (HAND, *FINGERS)}
-        self.payload_kg = 0.0
-        self.bears: tuple[str, ...] = ()
-        self.press_n: Vector = np.zeros(3)
-        self.setpoint: Setpoint | None = None
-        self.shows_hand = True
-        self.limit_nm = np.array(assume_masses(robot.model).torque_nm)
         model = world.model
         # The joints of the arm come first, then the joints of the jaws.
         self._count = len(robot.model.joints)
@@ -244,10 +233,8 @@ class SimulatedArm:
         self.world.placed()
 
     def _take(self, hand: Hand) -> None:
-        self.hand = hand
+        super()._take(hand)
         self.world.fit(hand)
-        self._jaw_target_m = self._jaw_goal_m = hand.opening_m / 2
-        self._jaw_force_n = _OPENING_FORCE_N
 
     def stand(self, joints: Vector, opening_m: float) -> None:
         """Put the arm at rest in a posture [rad], with the jaws open by `opening_m`."""
@@ -281,17 +268,6 @@ class SimulatedArm:
         left, right = self.world.data.qpos[self._jaws].tolist()
         return float(left + right)
 
-    def open(self, opening_m: float) -> None:
-        """Begin to open the jaws to a distance."""
-        self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_goal_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
-
-    def close(self, force_n: float, *, outwards: bool = False) -> None:
-        """Begin to close the jaws, or to open them inside a hole, until they grip with a force."""
-        self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_goal_m = self.hand.opening_m / 2 if outwards else 0.0
-        self._jaw_force_n = force_n
-
     def actuate(self) -> None:
         """Set torques and jaw forces for the next step."""
         assert self.setpoint is not None
@@ -302,23 +278,13 @@ class SimulatedArm:
         state.mass = self.world.data.M[self._entries]
         state.jacobian[:] = jacobian[:, : self._count]
         if self.settings.control == "position":
-            self._posture = self._posture_for(self.setpoint)
+            self._posture = self._find_posture(self.setpoint, self._posture)
             torques_nm = compute_posture_torques(state, self._posture, self._load())
         else:
             torques_nm = compute_torques(
                 state, self.setpoint, self.settings.stiffness_per_s2, self._load()
             )
         self._applied[:] = np.minimum(np.maximum(torques_nm, -self.limit_nm), self.limit_nm)
-
-    def _posture_for(self, setpoint: Setpoint) -> Vector:
-        """Return joint angles near the current ones for the target of the tip."""
-        if setpoint.tracks_joints:
-            return setpoint.posture
-        x, y, z = setpoint.position.tolist()
-        posture = self.kinematics.follow((x, y, z), setpoint.rotation, self._posture)
-        if posture is None:
-            raise make_unreachable_error((x, y, z), setpoint.rotation)
-        return posture
 
     def show_hand(self, visible: bool) -> None:
         """Enable or disable collisions of the hand and its fingers."""
@@ -358,9 +324,7 @@ class SimulatedArm:
         return load
 
     def _move_jaws(self) -> None:
-        step_m = JAW_SPEED_M_PER_S * STEP_S
-        left_m = self._jaw_goal_m - self._jaw_target_m
-        self._jaw_target_m += max(-step_m, min(step_m, left_m))
+        self._advance_jaws()
         most_n = self._jaw_force_n
         for jaw in self._jaws:
             away_m = self._jaw_target_m - float(self._qpos[jaw])

@@ -11,7 +11,6 @@ from pydantic import Field
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
-from skillplan_pinocchio.arm_model import assume_masses
 from skillplan_pybullet.control import (
     Dynamics,
     PinocchioDynamics,
@@ -25,9 +24,7 @@ from skillplan_pybullet.world import World
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import (
     TipPose,
-    get_kinematics,
     is_balanced,
-    make_unreachable_error,
     points_down,
 )
 from skillplan_simulation.motions import Setpoint
@@ -36,9 +33,8 @@ from skillplan_simulation.simulator import (
     FINGERS,
     GRAVITY_M_PER_S2,
     HAND,
-    JAW_SPEED_M_PER_S,
     ROBOT,
-    STEP_S,
+    Arm,
 )
 from skillplan_simulation.static_friction import StaticFriction
 
@@ -54,8 +50,6 @@ class SimulationSettings(ExecutionSettings):
 
 Vector = NDArray[np.float64]
 
-# Force that holds jaws open [N].
-_OPENING_FORCE_N = 40.0
 _FINGER_FRICTION = 1.0
 # Torsional friction of a jaw's contact, per unit of normal force [m].
 _FINGER_SPINNING_M = 0.01
@@ -66,7 +60,7 @@ _GEAR_FORCE_N = 50.0
 _POSITION_GAIN = 0.3
 
 
-class SimulatedArm:
+class SimulatedArm(Arm):
     """The arm of a world; see `skillplan_simulation.simulator.Arm`.
 
     Parameters
@@ -82,18 +76,10 @@ class SimulatedArm:
         settings: SimulationSettings,
         hand: Hand | None = None,
     ) -> None:
-        self.world, self.robot, self.settings = world, robot, settings
-        self.kinematics = get_kinematics(robot)
+        super().__init__(robot)
+        self.world, self.settings = world, settings
         self._load(get_hand(robot) if hand is None else hand)
-        # Payload of the hand [kg].
-        self.payload_kg = 0.0
-        # Bodies that make up the payload.
-        self.bears: tuple[str, ...] = ()
-        self.press_n: Vector = np.zeros(3)
-        self.setpoint: Setpoint | None = None
-        self.shows_hand = True
         self._joints = self.kinematics.home_rad
-        self.limit_nm = np.array(assume_masses(robot.model).torque_nm)
 
     def fit(self, hand: Hand) -> None:
         """Mount the jaws of another hand, wide open; no body may be fixed to the arm."""
@@ -116,7 +102,7 @@ class SimulatedArm:
     def _load(self, hand: Hand) -> None:
         """Load the arm with a hand."""
         world, robot, settings = self.world, self.robot, self.settings
-        self.hand = hand
+        self._take(hand)
         self.file: RobotFile = write_robot_file(robot.model, robot.tip, self.hand)
         # Names of the links that handle parts.
         self.link_names = dict(
@@ -145,9 +131,6 @@ class SimulatedArm:
             if by_pinocchio
             else PybulletDynamics(client, self.number, self.file, robot.mount)
         )
-        self._jaw_target_m = self.hand.opening_m / 2
-        self._jaw_goal_m = self._jaw_target_m
-        self._jaw_force_n = _OPENING_FORCE_N
         self._prepare()
 
     def _prepare(self) -> None:
@@ -220,17 +203,6 @@ class SimulatedArm:
             self.number, self.file.jaws, physicsClientId=self.world.client
         )
         return float(states[0][0] + states[1][0])
-
-    def open(self, opening_m: float) -> None:
-        """Begin to open the jaws to a distance."""
-        self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_goal_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
-
-    def close(self, force_n: float, *, outwards: bool = False) -> None:
-        """Begin to close the jaws, or to open them inside a hole, until they grip with a force."""
-        self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_goal_m = self.hand.opening_m / 2 if outwards else 0.0
-        self._jaw_force_n = force_n
 
     def actuate(self) -> None:
         """Set the motors for the next step."""
@@ -340,9 +312,7 @@ class SimulatedArm:
         return StaticFriction(self.world, self, name)
 
     def _move_jaws(self) -> None:
-        step_m = JAW_SPEED_M_PER_S * STEP_S
-        left_m = self._jaw_goal_m - self._jaw_target_m
-        self._jaw_target_m += max(-step_m, min(step_m, left_m))
+        self._advance_jaws()
         pybullet.setJointMotorControlArray(
             self.number,
             self.file.jaws,
@@ -354,7 +324,7 @@ class SimulatedArm:
 
     def _follow_by_position(self) -> None:
         assert self.setpoint is not None
-        self._joints = self._posture_for(self.setpoint)
+        self._joints = self._find_posture(self.setpoint, self._joints)
         pybullet.setJointMotorControlArray(
             self.number,
             self.file.joints,
@@ -364,13 +334,3 @@ class SimulatedArm:
             positionGains=[_POSITION_GAIN] * len(self.file.joints),
             physicsClientId=self.world.client,
         )
-
-    def _posture_for(self, setpoint: Setpoint) -> Vector:
-        """Return joint angles near the current ones for the target of the tip."""
-        if setpoint.tracks_joints:
-            return setpoint.posture
-        x, y, z = setpoint.position.tolist()
-        posture = self.kinematics.follow((x, y, z), setpoint.rotation, self._joints)
-        if posture is None:
-            raise make_unreachable_error((x, y, z), setpoint.rotation)
-        return posture

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import Point
 from skillplan.task.scene import Body, Pose, Robot
-from skillplan_simulation.kinematics import ArmKinematics, TipPose, compute_turn
+from skillplan_pinocchio.arm_model import assume_masses
+from skillplan_simulation.kinematics import (
+    ArmKinematics,
+    TipPose,
+    compute_turn,
+    get_kinematics,
+    make_unreachable_error,
+)
 from skillplan_simulation.motions import Setpoint
 
 Vector = NDArray[np.float64]
@@ -23,6 +30,8 @@ STEP_S = 1 / STEPS_PER_S
 GRAVITY_M_PER_S2 = 9.81
 # Speed of jaws [m/s].
 JAW_SPEED_M_PER_S = 0.05
+# Force that holds jaws open [N].
+_OPENING_FORCE_N = 40.0
 # Minimum moment of inertia of a part: below it, parts between two jaws oscillate at 240 steps a
 # second until they fall out.
 LEAST_INERTIA_KG_M2 = 2e-5
@@ -272,7 +281,7 @@ class Grip(Protocol):
 
 
 class Arm(Protocol):
-    """The arm of a world: joints, jaws and payload.
+    """The arm of a world: joints, jaws and payload. Engines inherit the motion of the jaws.
 
     Attributes
     ----------
@@ -297,6 +306,16 @@ class Arm(Protocol):
     press_n: Vector
     setpoint: Setpoint | None
     shows_hand: bool
+    limit_nm: Vector
+    _jaw_target_m: float
+    _jaw_goal_m: float
+    _jaw_force_n: float
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.kinematics = robot, get_kinematics(robot)
+        self.payload_kg, self.bears, self.press_n = 0.0, (), np.zeros(3)
+        self.setpoint, self.shows_hand = None, True
+        self.limit_nm = np.array(assume_masses(robot.model).torque_nm)
 
     def fit(self, hand: Hand) -> None:
         """Mount the jaws of another hand, wide open; no body may be fixed to the arm."""
@@ -318,9 +337,35 @@ class Arm(Protocol):
 
     def open(self, opening_m: float) -> None:
         """Begin to open the jaws to a distance."""
+        self._jaw_target_m = self.jaw_width_m() / 2
+        self._jaw_goal_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
 
     def close(self, force_n: float, *, outwards: bool = False) -> None:
         """Begin to close the jaws, or to open them inside a hole, until they grip with a force."""
+        self._jaw_target_m = self.jaw_width_m() / 2
+        self._jaw_goal_m = self.hand.opening_m / 2 if outwards else 0.0
+        self._jaw_force_n = force_n
+
+    def _take(self, hand: Hand) -> None:
+        self.hand = hand
+        self._jaw_target_m = self._jaw_goal_m = hand.opening_m / 2
+        self._jaw_force_n = _OPENING_FORCE_N
+
+    def _advance_jaws(self) -> None:
+        """Move the targets of the jaws by one step towards their goals."""
+        step_m = JAW_SPEED_M_PER_S * STEP_S
+        left_m = self._jaw_goal_m - self._jaw_target_m
+        self._jaw_target_m += max(-step_m, min(step_m, left_m))
+
+    def _find_posture(self, setpoint: Setpoint, near_rad: Vector) -> Vector:
+        """Return joint angles near some for the target of the tip."""
+        if setpoint.tracks_joints:
+            return setpoint.posture
+        x, y, z = setpoint.position.tolist()
+        posture = self.kinematics.follow((x, y, z), setpoint.rotation, near_rad)
+        if posture is None:
+            raise make_unreachable_error((x, y, z), setpoint.rotation)
+        return posture
 
     def actuate(self) -> None:
         """Set the motors for the next step."""
