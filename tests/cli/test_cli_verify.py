@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from thinned import slow_case
+
 EXACT = ("--solver", "exact", "--format", "json")
 Tamper = Callable[[dict[str, Any]], None]
 
@@ -351,12 +353,32 @@ class TestWrongInput:
         outcome = cli("verify", str(result), "--task", str(changed))
         assert (2, True) == (outcome.code, "has changed since" in outcome.err)
 
-    def test_a_task_file_that_is_gone_is_told_of(self, cli, tampered):
-        """And what to do, also by a command that has no option for it."""
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("verify",),
+            slow_case(("simulate", "--physics", "mujoco"), reason="executes a plan"),
+            ("export", "--to", "pddl", "--out", "OUT"),
+            ("advise", "--tries", "1"),
+            slow_case(("plot", "gantt", "--out", "OUT.png"), reason="draws"),
+            slow_case(("report", "--no-simulation", "--out", "OUT.html"), reason="draws a page"),
+        ],
+        ids=lambda words: words[0],
+    )
+    def test_a_task_that_is_gone_is_named_by_an_option(self, cli, tampered, board, tmp_path, words):
+        """Each command that reads results has it, and says so."""
         path = tampered(lambda document: document["origin"].update(file="gone/board.yaml"))
-        words = "its task gone/board.yaml is neither here nor beside it. Copy it there, or name it"
-        for command in ("verify", "simulate"):
-            assert words in cli(command, path).refusal
+        command, *more = (word.replace("OUT", str(tmp_path / "out")) for word in words)
+        hint = "its task gone/board.yaml is neither here nor beside it. Copy it there, or name it"
+        assert hint in cli(command, path, *more).refusal
+        assert 0 == cli(command, path, *more, "--task", board).code
+
+    @pytest.mark.parametrize("command", ["simulate", "advise", "export"])
+    def test_a_task_file_is_its_own(self, cli, board, command):
+        more = ("--to", "pddl", "--out", "x") if command == "export" else ("--sequence", "0")
+        more = () if command == "advise" else more
+        refusal = cli(command, board, *more, "--task", board).refusal
+        assert f"--task names the task file of a result, but {board} is a task file." in refusal
 
     def test_a_task_beside_the_result_is_found(self, cli, tampered, board, result):
         """Where the path from here leads nowhere."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from skillplan.cli.options.shared import BackEnds, Caching, PartReading, Reading
+from skillplan.cli.options.shared import BackEnds, Caching, PartReading, Reading, ResultReading
 from skillplan.cli.options.values import parse_options, split_names
 from skillplan.cli.writing import tell
 from skillplan.errors import OptionError, name_hint
@@ -52,6 +52,8 @@ def load_file(
     """
     from skillplan.pipeline import setup
 
+    if isinstance(reading, ResultReading):
+        reading.refuse_task_file(path, "a task file")
     named = None if back_ends is None else name_back_ends(back_ends)
     problem = setup.load_problem(path, named, reading.settings())
     if warn:
@@ -201,7 +203,7 @@ def load_result(
     solver
         Solver of the options without a plugin's name; None for none.
     task_file
-        The task file; None for the file that the result names.
+        The task file; None for the file of `reading`, or that the result names.
     changed_task
         True if the task may differ from the task that was solved.
     executor
@@ -219,6 +221,8 @@ def load_result(
     options = parse_options(back_ends.options, solver)
     place = ExecutorChoice.read(executor, options)
     options.pop(place.name, None)
+    if task_file is None and isinstance(reading, ResultReading):
+        task_file = reading.task_file
     override = Override(
         task_file,
         reading.part,
@@ -242,13 +246,17 @@ def load_result(
     return replace(loaded, setup=replace(loaded.setup, executor=place))
 
 
-def verify_before_showing(path: str, time_limit_s: float | None) -> Certificate:
+def verify_before_showing(
+    path: str, task_file: str | None, time_limit_s: float | None
+) -> Certificate:
     """Verify a result before its claims are shown, with verdicts kept on disk.
 
     Parameters
     ----------
     path
         A result.json of search-optimal, or its folder.
+    task_file
+        The task file; None for the file that the result names.
     time_limit_s
         Time limit of the command [s]; None for none. The verification takes 10 s at most.
 
@@ -263,7 +271,7 @@ def verify_before_showing(path: str, time_limit_s: float | None) -> Certificate:
 
     limit_s = min(_VERIFICATION_S, time_limit_s or _VERIFICATION_S)
     with stoppable(limit_s, label="verifying") as stop:
-        certificate = certify(path, stop=stop, cache=open_warm_cache())
+        certificate = certify(path, task_file, stop=stop, cache=open_warm_cache())
     if certificate.refuted:
         claim = certificate.refuted[0]
         raise OptionError(

@@ -9,7 +9,7 @@ from typing import Any
 
 from skillplan.cli.interruption import Deadline, counting
 from skillplan.cli.load import load_file, load_result, make_setup, verify_before_showing
-from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.shared import BackEnds, ResultReading
 from skillplan.cli.waiting import stoppable
 from skillplan.cli.writing import tell
 from skillplan.domains.load import Problem
@@ -77,7 +77,7 @@ class Reporter:
         True if the page has a player.
     """
 
-    reading: PartReading
+    reading: ResultReading
     back_ends: BackEnds
     deadline: Deadline
     simulate: bool
@@ -105,6 +105,7 @@ class Reporter:
         """
         folder = find_run_folder(path)
         if folder is not None:
+            self.reading.refuse_task_file(path, "a folder of train")
             from skillplan.cli.training_runs.figures import make_training_chapter
             from skillplan.records.training.run_folder import RunFolder
 
@@ -114,6 +115,7 @@ class Reporter:
             return self._of_task(path, name, self.deadline.share_s(_SEARCH_SHARE * share))
         stored, build = find_result_path(path), _BUILD.get(str(_schema(find_result_path(path))))
         if build is not None:
+            self.reading.refuse_task_file(path, "no result of search-optimal")
             return build(read_document(stored, str(_schema(stored)), _REMEDY), name)
         return self._of_result(path, name)
 
@@ -133,7 +135,9 @@ class Reporter:
 
     def _of_result(self, path: str, name: str) -> Chapter:
         loaded = load_result(path, self.reading, self.back_ends)
-        certificate = verify_before_showing(path, self.deadline.share_s(_SEARCH_SHARE))
+        certificate = verify_before_showing(
+            path, self.reading.task_file, self.deadline.share_s(_SEARCH_SHARE)
+        )
         document = read_document(find_result_path(path), schemas.RESULT, _REMEDY)
         ways: tuple[str | None, ...] = ()
         if not loaded.stored.is_chain:

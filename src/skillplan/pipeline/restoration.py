@@ -46,9 +46,8 @@ from skillplan.task.motion import Event, Motion, Visit
 from skillplan.task.skill import Skill
 from skillplan.task.task import BackEndChoice, Task
 
-# End of messages that ask for the task file: some commands, such as simulate, take it from the
-# result alone.
-_OR_NAME = ", or name it by --task if the command has it."
+# End of messages that ask for the task file.
+_OR_NAME = ", or name it by --task."
 
 
 @contextmanager

@@ -177,8 +177,7 @@ class SmoothPads(StaticFriction):
         super().let_go()
 
 
-# Stiffness and damping of a jaw's position control [N/m], [N s/m]. The force of a jaw that closes on
-# a part saturates.
+# Stiffness [N/m] and damping [N s/m] of a jaw's position control. Its force saturates on a part.
 _JAW_STIFFNESS_N_PER_M, _JAW_DAMPING_N_S_PER_M = 4000.0, 40.0
 
 

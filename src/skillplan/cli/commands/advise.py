@@ -15,7 +15,7 @@ from skillplan.cli.options.shared import (
     TASK,
     BackEnds,
     Checking,
-    PartReading,
+    ResultReading,
     Style,
     solver_option,
     time_limit_option,
@@ -41,7 +41,7 @@ def command(
             show_default=False,
         ),
     ],
-    reading: PartReading,
+    reading: ResultReading,
     *,
     within: Annotated[
         float,

@@ -20,6 +20,7 @@ from skillplan.cli.options.shared import (
     Seed,
     Style,
     TimeLimit,
+    task_option,
 )
 from skillplan.cli.options.values import count_option, positive_number
 
@@ -34,14 +35,7 @@ OF_TASK, OF_RESULT, OF_RUN = "For a task", "For a result or a run", "For a run"
 DEFAULT_SOLVER = "auto"
 
 TaskOfResult = Annotated[
-    str | None,
-    typer.Option(
-        "--task",
-        metavar="FILE",
-        autocompletion=task_files,
-        help="Task file to use instead of the stored one.",
-        rich_help_panel=OF_RESULT,
-    ),
+    str | None, task_option("Task file to use instead of the stored one.", OF_RESULT)
 ]
 ChangedTask = Annotated[
     bool,

@@ -17,8 +17,8 @@ from skillplan.cli.options.shared import (
     TASK,
     BackEnds,
     Checking,
-    PartReading,
     Reading,
+    ResultReading,
 )
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -63,7 +63,7 @@ def command(
             show_default=False,
         ),
     ],
-    reading: PartReading,
+    reading: ResultReading,
     back_ends: BackEnds,
     checking: Checking,
     sequence: Annotated[
@@ -160,7 +160,7 @@ def _read(
     sequence: str | None,
     to: str,
     back_ends: BackEnds,
-    reading: PartReading,
+    reading: ResultReading,
     checking: Checking,
 ) -> _Source:
     """Return what is to be exported."""
@@ -176,6 +176,7 @@ def _read(
         )
     if find_run_folder(path) is not None:
         if exporter.needs_policies:
+            reading.refuse_task_file(path, "a folder of train")
             return _read_policies(path, to, back_ends, checking)
         raise OptionError(
             f"{path}: holds training runs. Their policies choose by state, which is no plan: "

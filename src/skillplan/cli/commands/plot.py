@@ -19,7 +19,7 @@ from skillplan.cli.options.shared import (
     SOLVER,
     BackEnds,
     CommandLimits,
-    PartReading,
+    ResultReading,
     Seed,
     solver_option,
 )
@@ -146,7 +146,7 @@ def command(
         ),
     ],
     *,
-    reading: PartReading,
+    reading: ResultReading,
     solving: Solving,
     back_ends: BackEnds,
     limits: CommandLimits,
@@ -193,7 +193,7 @@ def plot_task(
     ctx: typer.Context,
     path: str,
     figure: str,
-    reading: PartReading,
+    reading: ResultReading,
     solving: Solving,
     back_ends: BackEnds,
     limits: CommandLimits,
@@ -212,7 +212,7 @@ def plot_result(
     ctx: typer.Context,
     path: str,
     figure: str,
-    reading: PartReading,
+    reading: ResultReading,
     solving: Solving,
     back_ends: BackEnds,
     limits: CommandLimits,
@@ -232,7 +232,7 @@ def plot_result(
     chosen = BackEnds(origin.physics, ",".join(origin.collision) or None, options)
     again = any(is_given(ctx, name) for name in ("solver", "options", "seed"))
     if not again:
-        certificate = verify_before_showing(path, deadline.share_s())
+        certificate = verify_before_showing(path, reading.task_file, deadline.share_s())
         if not certificate.valid:
             tell(f"skillplan: note: {path}: not verified: {certificate.unconfirmed_words()}.")
     # A result of one task names its part; for a result of a chain the figure chooses.

@@ -13,7 +13,7 @@ from skillplan.cli.options.shared import (
     RESULT_HELP,
     BackEnds,
     CommandLimits,
-    PartReading,
+    ResultReading,
     Seed,
 )
 
@@ -40,7 +40,7 @@ def command(
             show_default=False,
         ),
     ],
-    reading: PartReading,
+    reading: ResultReading,
     back_ends: BackEnds,
     seed: Seed = 0,
     limits: CommandLimits,

@@ -17,7 +17,7 @@ from skillplan.cli.options.shared import (
     TASK,
     BackEnds,
     CommandLimits,
-    PartReading,
+    ResultReading,
     Style,
 )
 from skillplan.cli.options.values import positive_number
@@ -43,7 +43,7 @@ def command(
             show_default=False,
         ),
     ],
-    reading: PartReading,
+    reading: ResultReading,
     limits: CommandLimits,
     sequence: Annotated[
         str | None,
@@ -240,7 +240,7 @@ class _Notes:
             self._row(sample)
 
 
-def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading) -> _Read:
+def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: ResultReading) -> _Read:
     """Read task, setup and plan; the engine is the chosen one, the file's, or pybullet."""
     from skillplan.errors import OptionError
     from skillplan.pipeline.exchange import read_given_plan

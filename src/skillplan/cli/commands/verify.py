@@ -6,13 +6,12 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.shared import (
     BACK_ENDS,
     OUTPUT,
-    TASK,
     Style,
     memory_limit_option,
+    task_option,
     time_limit_option,
 )
 
@@ -29,13 +28,8 @@ def command(
     *,
     task_file: Annotated[
         str | None,
-        typer.Option(
-            "--task",
-            metavar="FILE",
-            autocompletion=task_files,
-            help="Task file. Default: as RESULT names it, in the current folder or the folder of "
-            "RESULT.",
-            rich_help_panel=TASK,
+        task_option(
+            "Task file. Default: as RESULT names it, in the current folder or the folder of RESULT."
         ),
     ] = None,
     warm: Annotated[

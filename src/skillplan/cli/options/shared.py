@@ -186,6 +186,33 @@ class PartReading(Reading):
     ] = None
 
 
+def task_option(text: str, panel: str = TASK) -> Any:
+    """Return the option ``--task``, the task file of a result or run; `text` is its help."""
+    return typer.Option(
+        "--task", metavar="FILE", autocompletion=task_files, help=text, rich_help_panel=panel
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ResultReading(PartReading):
+    """Changes of a task file, and the file itself for a result that names another place.
+
+    Parameters
+    ----------
+    task_file
+        The task file of the result; None for the file that it names.
+    """
+
+    task_file: Annotated[
+        str | None, task_option("Task file of RESULT if it has moved. Default: as RESULT names it.")
+    ] = None
+
+    def refuse_task_file(self, path: str, kind: str) -> None:
+        """Raise an `OptionError` if a task file is named for an input of another kind."""
+        if self.task_file is not None:
+            raise OptionError(f"--task names the task file of a result, but {path} is {kind}.")
+
+
 @dataclass(frozen=True, slots=True)
 class BackEnds:
     """The back ends of the command line, and options of plugins.
