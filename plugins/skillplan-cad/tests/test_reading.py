@@ -6,17 +6,22 @@ import gzip
 import os
 import signal
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 
+from cad_fixtures import box as solid_box
+from cad_fixtures import part_of, step_path
 from cad_products import file, product, truth
 from skillplan.errors import OptionError
 from skillplan_cad import (
     Limits,
+    Product,
     RawPart,
     ReadOptions,
+    describe_unit_doubt,
     find_shapes,
     mend,
     prepare,
@@ -97,6 +102,24 @@ class TestStep:
         for part, other in zip(inch.parts, metric.parts, strict=True):
             assert part.bounds_m == pytest.approx(other.bounds_m, abs=1e-6)
             assert part.volume_m3 == pytest.approx(other.volume_m3, rel=1e-5)
+        for name, unit, scale in (("inch", "mm", 1 / 25.4), ("bracket", "inch", 25.4)):
+            restated = read_product(step_path(name), ReadOptions(unit=unit))
+            assert restated.unit == unit
+            for part, other in zip(restated.parts, metric.parts, strict=True):
+                assert part.volume_m3 == pytest.approx(other.volume_m3 * scale**3, rel=1e-3)
+
+    def test_a_stated_unit_with_which_no_fastener_exists_is_doubted(self):
+        """A nut of 15 mm, as inches 381 mm; a shaft of 381 mm is none to doubt."""
+        nut, block = solid_box(0, 0, 0, 381, 381, 200), solid_box(400, 0, 0, 2400, 2000, 500)
+        parts = (part_of("nut", nut), part_of("block", block))
+        huge = Product("p", parts, "inch", 1e-4)
+        assert describe_unit_doubt(huge).startswith(
+            "the file states inch, with which nut is 381 mm"
+        )
+        assert "--unit inch keeps" in describe_unit_doubt(huge)
+        assert not describe_unit_doubt(replace(huge, unit="mm"))
+        assert not describe_unit_doubt(replace(huge, parts=(part_of("shaft", nut), parts[1])))
+        assert not describe_unit_doubt(replace(huge, chord_m=0.0))
 
     def test_faces_have_their_surfaces(self):
         """A washer is two planes and two cylinders, one of them hollow."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import manifold3d
 import numpy as np
 import pytest
 import trimesh
@@ -16,17 +17,20 @@ from skillplan.robots import ARMS
 from skillplan_cad import (
     GraspFinder,
     Item,
+    Load,
     Planner,
     Product,
     ReadOptions,
     assemble_relation,
     assign_task_names,
     build_task,
+    build_tool_entries,
     choose_arm,
     find_best_bearing,
     find_blocked,
     find_joints,
     lay_out_table,
+    list_holds,
     place_upright,
     read_product,
     replay,
@@ -34,7 +38,7 @@ from skillplan_cad import (
 
 TOLERANCE_M = 1e-4
 HAND = ARMS["panda"][1]
-DOWN = (0.0, 0.0, -1.0)
+UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 
 
 def planned(name):
@@ -250,8 +254,16 @@ def test_a_cup_lifts_no_more_than_its_area_does():
 
 @pytest.mark.slow
 def test_of_two_walls_that_leave_no_room_for_fingers_one_is_in_no_order():
-    """Each can be placed alone; beside the other a finger does not fit."""
-    walls = [(name, box(10, y, 20, 110, y + 4, 80)) for name, y in (("left", 20), ("right", 29))]
+    """Each can be placed alone; beside the other a finger does not fit, and their ends slope."""
+    walls = [
+        (
+            name,
+            manifold3d.Manifold.batch_hull(
+                [box(10, y, 20, 110, y + 4, 21), box(40, y, 79, 80, y + 4, 80)]
+            ),
+        )
+        for name, y in (("left", 20), ("right", 29))
+    ]
     task = assembled(("block", box(0, 0, 0, 120, 60, 20)), *walls)
     ((name, reason),) = task.left_out.items()
     assert (reason.kind, *reason.by) in {("no order", "left"), ("no order", "right")}
@@ -259,6 +271,30 @@ def test_of_two_walls_that_leave_no_room_for_fingers_one_is_in_no_order():
     placed = [skill for skill in task.skills if skill.startswith("place")]
     assert placed == [f"place({other})" for other in ("block", "left", "right") if other != name]
     assert not task.doubt
+
+
+@pytest.mark.parametrize(
+    ("width_mm", "height_mm", "closing", "gripper"),
+    [
+        (79, 40, ("x", 0.079), "robotiq_2f85"),
+        (110, 20, ("y", 0.1), "robotiq_2f140"),
+        (110, 60, ("y", 0.1), "long_jaws"),
+    ],
+)
+def test_the_lightest_gripper_of_the_catalogue_holds_what_no_hand_and_no_cup_does(
+    width_mm, height_mm, closing, gripper
+):
+    """A block whose top is a ridge; that of 5.1 kg is beyond the payload of light grippers."""
+    low = box(0, 0, 0, width_mm, 100, height_mm)
+    solid = manifold3d.Manifold.batch_hull([low, box(0, 50, 0, width_mm, 51, height_mm + 5)])
+    part = part_of("roof", solid)
+    local = part.vertices_m - [width_mm / 2e3, 0.05, 0.0]
+    holds = list(list_holds(part, local, np.array([0.0, 0.0, height_mm / 2e3]), HAND))
+    assert holds[0].tool == gripper
+    grasp = holds[0].entry["grasp"][0]
+    assert (grasp["closing_axis"], grasp["width_m"]) == closing
+    (entry,) = build_tool_entries("ur30", [{**holds[0].entry, "mass_kg": 1.0}]).values()
+    assert (entry["model"], entry["force_n"]) == (gripper, 33)
 
 
 def assembled(*solids):
@@ -341,13 +377,15 @@ def test_the_task_is_of_the_arm_that_was_asked_for(screwed, screwed_task):
 def test_the_arm_is_the_default_one_or_the_weakest_that_carries_and_reaches_most(eight):
     parts = eight[0].parts
     wide = part_of("plate", box(0, 0, 0, 600, 400, 5))
-    high = part_of("mast", box(0, 0, 0, 20, 20, 850))
-    heavy = {kg: weigh(parts[0], kg) for kg in (3.2, 9.1, 99.0)}
-    arms = [
-        choose_arm((*parts, *more), (0.0, 0.0, 1.0))
-        for more in ((), (wide,), (high,), (heavy[3.2],), (heavy[9.1],), (heavy[99.0],))
-    ]
-    assert arms == ["panda", "ur10e", "crx10ia", "gen3_7dof", "crx10ia", "panda"]
+    high = part_of("mast", box(0, 0, 0, 20, 20, 600))
+    heavy = {kg: weigh(parts[0], kg) for kg in (3.2, 9.1, 14.1, 99.0)}
+    more = ((), (wide,), (high,), (heavy[3.2],), (heavy[9.1],), (heavy[14.1],), (heavy[99.0],))
+    arms = [choose_arm((*parts, *others), UP) for others in more]
+    assert arms == ["panda", "ur10e", "ur20", "gen3_7dof", "crx10ia", "ur20", "panda"]
+    # In a gripper of 6 kg, and held at the middle.
+    loads = {"heavy": Load(20.1, 0.02), "mast": Load(0.9, 0.3)}
+    arms = [choose_arm((*parts, other), UP, loads) for other in (heavy[14.1], high)]
+    assert arms == ["ur30", "crx10ia"]
 
 
 def weigh(part, mass_kg):

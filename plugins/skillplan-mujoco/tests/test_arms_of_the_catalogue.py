@@ -21,7 +21,7 @@ parts:
 """
 CONTACTS = ("contact-pairs",)
 # Each has joints and shapes of the same kind as another arm.
-SIBLINGS = ("fr3", "iiwa14", "ur10e", "ur20", "ur3e", "xarm7")
+SIBLINGS = ("fr3", "iiwa14", "ur10e", "ur20", "ur30", "ur3e", "xarm7")
 
 
 def cases(left_to_releases=()):

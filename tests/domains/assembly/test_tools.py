@@ -90,6 +90,8 @@ FACTS = {
     "franka_hand": (ToolKind.GRIPPER, 0.080, 70, 0.73),
     "robotiq_2f85": (ToolKind.GRIPPER, 0.085, 235, 0.925),
     "robotiq_2f140": (ToolKind.GRIPPER, 0.140, 125, 1.025),
+    "long_jaws": (ToolKind.GRIPPER, 0.200, 500, 6),
+    "wide_jaws": (ToolKind.GRIPPER, 0.400, 500, 10),
     "screwdriver_spindle": (ToolKind.SCREWDRIVER, 0.0073, None, 2.5),
     "socket_spindle": (ToolKind.SCREWDRIVER, 0.008, None, 2.5),
     "press_cylinder": (ToolKind.PRESS, 0.016, 188, 0.45),

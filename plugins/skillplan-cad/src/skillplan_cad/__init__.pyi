@@ -3,6 +3,7 @@ from .build_relation import assemble_relation as assemble_relation
 from .build_relation import find_blocked as find_blocked
 from .build_relation import find_joints as find_joints
 from .importing.findings import Confirmation as Confirmation
+from .importing.findings import describe_unit_doubt as describe_unit_doubt
 from .importing.materials import assign_materials as assign_materials
 from .importing.materials import parse_material as parse_material
 from .importing.planned import choose_attitude as choose_attitude
@@ -68,9 +69,12 @@ from .relation_file import format_relation as format_relation
 from .relation_file import read_relation as read_relation
 from .writing.arm_choice import choose_arm as choose_arm
 from .writing.build_task import build_task as build_task
+from .writing.held_part import Load as Load
+from .writing.held_part import list_holds as list_holds
 from .writing.mesh_grasps import GraspFinder as GraspFinder
 from .writing.task_document import Item as Item
 from .writing.task_document import assign_task_names as assign_task_names
+from .writing.task_document import build_tool_entries as build_tool_entries
 from .writing.task_document import lay_out_table as lay_out_table
 from .writing.upright import place_upright as place_upright
 
@@ -93,6 +97,7 @@ __all__ = [
     "KeepFree",
     "LeftOut",
     "Limits",
+    "Load",
     "Nest",
     "NestCheck",
     "NestSettings",
@@ -116,12 +121,14 @@ __all__ = [
     "build_jaws",
     "build_nest",
     "build_task",
+    "build_tool_entries",
     "check_nest",
     "choose_arm",
     "choose_attitude",
     "compute_allowance_m",
     "compute_thread_depth_m",
     "derive_precedence",
+    "describe_unit_doubt",
     "encode_set",
     "find_bearing",
     "find_best_bearing",
@@ -136,6 +143,7 @@ __all__ = [
     "is_connected",
     "lay_out_table",
     "list_attitude_warnings",
+    "list_holds",
     "list_members",
     "list_names",
     "list_stuck",

@@ -47,8 +47,8 @@ def command(
         typer.Option(
             "--unit",
             metavar="UNIT",
-            help="Unit of the meshes in FOLDER: um, mm, cm, m, inch or foot. STEP and 3MF files "
-            "state theirs; GLB is in metres without it.",
+            help="Unit of the meshes in FOLDER: um, mm, cm, m, inch or foot. Of STEP, the unit in "
+            "place of the stated one. 3MF states its own; GLB is in metres without it.",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,

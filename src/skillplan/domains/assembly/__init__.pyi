@@ -26,6 +26,7 @@ from .resting import TABLE as TABLE
 from .resting import find_bearers as find_bearers
 from .resting import find_goal_rests as find_goal_rests
 from .schema import AssemblyConfig as AssemblyConfig
+from .tool_schema import ToolConfig as ToolConfig
 
 __all__ = [
     "MAX_BYTES",
@@ -43,6 +44,7 @@ __all__ = [
     "MeshConfig",
     "MeshFileError",
     "RandomOrder",
+    "ToolConfig",
     "draw_layouts",
     "find_bearers",
     "find_goal_rests",

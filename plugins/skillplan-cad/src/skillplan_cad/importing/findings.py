@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,18 +30,21 @@ from skillplan_cad.build_relation import (
 )
 from skillplan_cad.importing.materials import assign_materials
 from skillplan_cad.importing.settings import ImportSettings
+from skillplan_cad.joints.fastener_names import recognise_kind
 from skillplan_cad.joints.fits import relieve_fits
 from skillplan_cad.planning.shrunk_meshes import MeshTree, shrink_mesh
 from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.reading.mesh_folder import MOST_BYTES as MESH_BYTES
-from skillplan_cad.reading.mesh_folder import list_mesh_files
-from skillplan_cad.reading.product_reader import read_product
+from skillplan_cad.reading.mesh_folder import UNITS_M, list_mesh_files
+from skillplan_cad.reading.product_reader import ReadOptions, read_product
 from skillplan_cad.reading.step_file import hash_step, is_step
 from skillplan_cad.relation import Blocking, Contact, Fastener, Fit, Relation, Sensitive
 
 # Distances beyond the first contact at which blocked pairs are tested, in insets; number of places
 _BEYOND = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)
 _PLACES = 8
+# Width across the flats of a nut of M100 [m].
+_WIDEST_FASTENER_M = 0.145
 
 
 @dataclass(frozen=True, slots=True)
@@ -412,21 +415,12 @@ def analyse_product(
     """
     stages = KeptStages(settings.keep, tell)
     reading, tolerance_m = settings.reading, settings.tolerance_mm / 1000
-    content, read_hash = stages.run(
-        "reading",
-        {
-            "content": _hash_content(path),
-            "name": path.resolve().name,
-            "format": _FORMAT,
-            **asdict(reading),
-        },
-        lambda: serialize_product(
-            read_product(path, reading, lambda text: tell(f"reading: {text}"))
-        ),
-    )
-    product, materials = assign_materials(
-        restore_product(content), settings.material, settings.density_kg_m3
-    )
+    whole, read_hash = _read(path, reading, stages, tell)
+    doubt = "" if reading.unit is not None else describe_unit_doubt(whole)
+    if doubt:
+        whole, read_hash = _read(path, replace(reading, unit="mm"), stages, tell)
+        whole = replace(whole, warnings=(doubt, *whole.warnings))
+    product, materials = assign_materials(whole, settings.material, settings.density_kg_m3)
     _refuse_fine(path, product, tolerance_m)
     names = [part.name for part in product]
     options, declared = settings.resolve_fits(names), settings.resolve_fasteners(names)
@@ -483,6 +477,44 @@ def analyse_product(
     doubts, left = restore_doubts(content)
     return Findings(
         product, relieved, joints, blocked, doubts, relation, stages, read_hash, materials, left
+    )
+
+
+def _read(path: Path, reading: ReadOptions, stages: KeptStages, tell: Tell) -> tuple[Product, str]:
+    """Return a product and its hash, from the cache if possible."""
+    content, read_hash = stages.run(
+        "reading",
+        {
+            "content": _hash_content(path),
+            "name": path.resolve().name,
+            "format": _FORMAT,
+            **asdict(reading),
+        },
+        lambda: serialize_product(
+            read_product(path, reading, lambda text: tell(f"reading: {text}"))
+        ),
+    )
+    return restore_product(content), read_hash
+
+
+def describe_unit_doubt(product: Product) -> str:
+    """Return why lengths of STEP are millimetres rather than the stated unit; empty if they may be.
+
+    No screw, nut or washer is wider than the nuts of M100. If all that are named so are, and none
+    is as millimetres, the file has the wrong unit.
+    """
+    scale = 1e-3 / UNITS_M.get(product.unit, 1e-3)
+    named = [part for part in product if recognise_kind(part.name, part.design) is not None]
+    if scale == 1 or not product.chord_m or not named:
+        return ""
+    wide_m = [float(np.sort(np.ptp(part.vertices_m, axis=0))[1]) for part in named]
+    least = int(np.argmin(wide_m))
+    if min(wide_m) <= _WIDEST_FASTENER_M or max(wide_m) * scale > _WIDEST_FASTENER_M:
+        return ""
+    return (
+        f"the file states {product.unit}, with which {named[least].name} is "
+        f"{wide_m[least] * 1e3:.0f} mm wide; read as mm, with which it is "
+        f"{wide_m[least] * scale * 1e3:.3g} mm wide. --unit {product.unit} keeps the stated unit."
     )
 
 

@@ -29,10 +29,10 @@ from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.product_reader import fits_pattern, read_finer
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
-from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm
+from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm, find_longer_arm
 from skillplan_cad.writing.build_task import build_task
 from skillplan_cad.writing.fit_play import PLAY_M
-from skillplan_cad.writing.held_part import LONG_ARM
+from skillplan_cad.writing.held_part import GRIPPERS, KnownHolds, PartHolds
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import WrittenTask
 from skillplan_cad.writing.upright import Upright
@@ -341,6 +341,7 @@ def plan_product(
     if task.document:
         files |= task.files
         document |= _build_task_document(task, relation)
+        lines += _describe_grippers(task)
         lines += _describe_order(task)
         warnings += _list_task_warnings(task, document["pieces"])
     else:
@@ -408,10 +409,14 @@ def _write_task(
         for drawn, thinner in zip(findings.product, loose, strict=True)
         if drawn is not thinner
     }
-    arm, chooses = settings.robot, settings.robot == AUTO_ARM
-    if chooses:
+    arm, longer, known = settings.robot, None, KnownHolds()
+    if arm == AUTO_ARM:
         placed = [part for part in loose if part.name in bearing.order]
-        arm = choose_arm(placed, bearing.up) if placed else DEFAULT_ARM
+        holds = PartHolds(loose, relation, plan.base, bearing.up, None, known)
+        holds.choose(bearing)
+        loads = holds.list_loads()
+        arm = choose_arm(placed, bearing.up, loads) if placed else DEFAULT_ARM
+        longer = find_longer_arm(arm, loads.values())
         if arm != DEFAULT_ARM:
             lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
     ups = ATTITUDES.values() if settings.up == AUTO else ()
@@ -425,11 +430,12 @@ def _write_task(
         remarks,
         (find_bearing(product, relation, up, without, holding=settings.holding) for up in ups),
         writing,
-        LONG_ARM if chooses else None,
+        longer,
         holding=settings.holding,
+        known=known,
     )
     if task.document and task.document["robot"]["model"] != arm:
-        lines.append(f"arm {LONG_ARM}: it brings parts that are out of reach of {arm}")
+        lines.append(f"arm {longer}: it brings parts that are out of reach of {arm}")
     return task
 
 
@@ -516,6 +522,17 @@ def _build_task_document(task: WrittenTask, relation: Relation) -> dict[str, Any
         "limits": {name: list(lines) for name, lines in task.limits.items()},
         "task_order": {"skills": list(task.skills), "doubt": task.doubt},
     }
+
+
+def _describe_grippers(task: WrittenTask) -> list[str]:
+    """Return a line on each gripper of the catalogue, with the parts that it holds."""
+    lines = []
+    for gripper in GRIPPERS:
+        holds = {own for own, part in task.document["parts"].items() if part.get("tool") == gripper}
+        names = [name for name, own in task.names.items() if own in holds]
+        if names:
+            lines.append(f"gripper {gripper}: lighter tools do not hold {_name_first(names)}")
+    return lines
 
 
 def _describe_order(task: WrittenTask) -> list[str]:

@@ -28,7 +28,7 @@ class ImportSettings:
     Parameters
     ----------
     unit
-        Unit of meshes; None for STEP.
+        Unit of meshes; of STEP, a unit in place of the stated one; None for that.
     tolerance_mm
         Lateral tolerance: smallest radius of a disc that counts as blocked.
     chord_mm

@@ -221,7 +221,7 @@ class ReadOptions:
     Parameters
     ----------
     unit
-        Unit of meshes; None for STEP, which states its own.
+        Unit of meshes; of STEP, a unit in place of the stated one; None for that.
     chord_m
         Greatest distance of triangles from curved faces of STEP, and largest gap to close [m].
     split_bodies
@@ -316,7 +316,8 @@ def read_finer(path: Path, product: Product, options: ReadOptions, share: float)
     if is_folder(path) or not is_step(path):
         return product
     try:
-        finer = read_product(path, replace(options, chord_m=share * options.chord_m))
+        changed = replace(options, chord_m=share * options.chord_m, unit=product.unit)
+        finer = read_product(path, changed)
     except OptionError:
         # The product has been read, so another chord is no reason to refuse it.
         return product
@@ -614,9 +615,7 @@ def _read_raw(path: Path, options: ReadOptions, report: Report) -> RawProduct:
     if not is_regular(path):
         raise OptionError(f"{path}: there is no such file or folder.")
     if is_step(path):
-        if options.unit is not None:
-            raise OptionError(f"--unit {options.unit}: STEP states its unit itself; leave it out.")
-        return read_step(path, options.chord_m, report)
+        return read_step(path, options.chord_m, report, options.unit)
     if path.suffix.lower() in SCENES:
         return read_scene(path, options.unit, options.chord_m, report)
     raise OptionError(

@@ -191,6 +191,14 @@ _FILE_NAME = re.compile(
 _NOWHERE = "left_out.none"
 NOT_FINITE = "has coordinates that are not finite"
 _PREFIXES = {b".MILLI.": "mm", b".CENTI.": "cm", b".DECI.": "dm", b"$": "m", b".MICRO.": "um"}
+# The unit of lengths of a file: inch or foot, or metre with a prefix.
+_LENGTH_UNITS = (
+    rb"\(\s*CONVERSION_BASED_UNIT\s*\(\s*'[^']*'\s*,\s*#\d+\s*\)\s*LENGTH_UNIT\s*\(\s*\)\s*"
+    rb"NAMED_UNIT\s*\(\s*#\d+\s*\)\s*\)",
+    rb"\(\s*LENGTH_UNIT\s*\(\s*\)\s*NAMED_UNIT\s*\(\s*\*\s*\)\s*SI_UNIT\s*\(\s*"
+    rb"(?:\$|\.[A-Z]{1,9}\.)\s*,\s*\.METRE\.\s*\)\s*\)",
+)
+_INCHES = {"inch": b"0.0254", "foot": b"0.3048"}
 _ASSEMBLE = "Save it from CAD as STEP (AP203, AP214 or AP242)"
 
 
@@ -199,7 +207,9 @@ def is_step(path: Path) -> bool:
     return path.name.lower().endswith(SUFFIXES)
 
 
-def read_step(path: Path, chord_m: float, report: Report | None = None) -> RawProduct:
+def read_step(
+    path: Path, chord_m: float, report: Report | None = None, unit: str | None = None
+) -> RawProduct:
     """Read the parts of a STEP file, and of the files beside it that it refers to.
 
     Parameters
@@ -210,6 +220,8 @@ def read_step(path: Path, chord_m: float, report: Report | None = None) -> RawPr
         Greatest distance of triangles from curved faces [m].
     report
         Called with progress.
+    unit
+        Unit of all lengths in place of the stated one; None for that.
 
     Raises
     ------
@@ -217,8 +229,10 @@ def read_step(path: Path, chord_m: float, report: Report | None = None) -> RawPr
         If the file is unreadable, no STEP, cut off, without solids, or crashes OCCT.
     """
     content, notes = _read_content(path)
-    unit = _find_unit(path, content)
+    stated = _find_unit(path, content)
     files, missing = _gather_references(path, content)
+    if unit is not None and unit != stated:
+        files = {name: _restate_unit(own, unit) for name, own in files.items()}
     whole = _read_files(path, files, chord_m, report)
     parts, more = _place_instances(whole)
     parts, infinite = _leave_out_infinite(parts, content)
@@ -230,7 +244,7 @@ def read_step(path: Path, chord_m: float, report: Report | None = None) -> RawPr
         )
     name = whole.name or decode_file_name(path).partition(".")[0]
     warnings = (*notes, *missing, *more, *infinite)
-    return RawProduct(name, tuple(parts), unit, chord_m, whole.notes, warnings)
+    return RawProduct(name, tuple(parts), unit or stated, chord_m, whole.notes, warnings)
 
 
 def _leave_out_infinite(parts: list[Mended], content: bytes) -> tuple[list[Mended], list[str]]:
@@ -648,6 +662,32 @@ def _unpack(path: Path, content: bytes) -> bytes:
     if not unpacker.eof:
         raise OptionError(f"{path}: is cut off: its gzip stream does not end. Copy it anew.")
     return whole
+
+
+def _restate_unit(content: bytes, unit: str) -> bytes:
+    """Return a file with the same numbers in another unit of length."""
+    si = {name: prefix for prefix, name in _PREFIXES.items()}
+    if unit in si:
+        entity, more = b"(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(%s,.METRE.))" % si[unit], b""
+    else:
+        free = 1 + max((int(number) for number in re.findall(rb"#(\d+)\s*=", content)), default=0)
+        entity = b"(CONVERSION_BASED_UNIT('%s',#%d)LENGTH_UNIT()NAMED_UNIT(#%d))" % (
+            unit.upper().encode(),
+            free,
+            free + 2,
+        )
+        more = (
+            b"#%d=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(%s),#%d);\n"
+            b"#%d=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT($,.METRE.));\n"
+            b"#%d=DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n"
+        ) % (free, _INCHES[unit], free + 1, free + 1, free + 2)
+    # Inches and feet come first, because their definitions contain metres.
+    for stated in _LENGTH_UNITS:
+        restated, count = re.subn(stated, lambda match: entity, content)
+        if count:
+            head, end, tail = restated.rpartition(b"ENDSEC;")
+            return head + more + end + tail
+    return content
 
 
 def _find_unit(path: Path, content: bytes) -> str:

@@ -19,7 +19,7 @@ from skillplan_cad.planning.bearing import (
 from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
-from skillplan_cad.writing.held_part import PartHolds
+from skillplan_cad.writing.held_part import KnownHolds, PartHolds
 from skillplan_cad.writing.pieces_proof import Cuts, PieceProof, ProvedPieces
 from skillplan_cad.writing.task_document import (
     SharedMeshes,
@@ -50,6 +50,7 @@ def build_task(
     longer: str | None = None,
     *,
     holding: bool = False,
+    known: KnownHolds | None = None,
 ) -> WrittenTask:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
@@ -76,13 +77,17 @@ def build_task(
         Another arm, tried in the best orientation if parts are out of reach; None for none.
     holding
         True if parts that do not stay may be held by supports of their own, as in `bearing`.
+    known
+        Tools and grasps that were found before.
     """
     watch = watch or Watch()
-    cuts = Cuts(product)
+    cuts, known = Cuts(product), known or KnownHolds()
 
     def build(bearing: Bearing, arm: str, least_weight: float = 0.0) -> WrittenTask:
         with TaskTrials(watch) as trials:
-            builder = _TaskBuilder(product, relation, plan, arm, bearing, remarks or {}, holding)
+            builder = _TaskBuilder(
+                product, relation, plan, arm, bearing, remarks or {}, known, holding=holding
+            )
             return builder.build(absent, cuts, trials, watch, least_weight)
 
     absent = dict(without or {})
@@ -164,6 +169,8 @@ class _TaskBuilder:
         robot: str,
         bearing: Bearing,
         remarks: Mapping[str, str],
+        known: KnownHolds,
+        *,
         holding: bool,
     ) -> None:
         self._holding, self._given = holding, relation
@@ -171,7 +178,7 @@ class _TaskBuilder:
         self._product, self._relation, self._plan = product, relation, plan
         self._robot, self._bearing, self._remarks = robot, bearing, remarks
         self._indirect = find_indirect_parts(plan)
-        self._holds = PartHolds(product, relation, plan.base, bearing.up, robot)
+        self._holds = PartHolds(product, relation, plan.base, bearing.up, robot, known)
         self._absent: dict[str, LeftOut] = {}
         # Parts that are in no order with the first tool that holds them.
         self._conflicting: dict[str, dict[str, LeftOut]] = {}

@@ -1,18 +1,22 @@
 """Choose tools and grasps: jaws from above, a suction cup, finger tips, or jaws from a side.
 
-Every choice holds the true mesh; the first one that `swept` grants is written.
+Every choice holds the true mesh; the first one that `swept` grants is written. Grippers of the
+catalogue come after the arm's own hand, light ones first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import count
 from typing import Any
 
 import numpy as np
 
+from skillplan.domains.assembly import ToolConfig
 from skillplan.robots.arm_description import Hand
-from skillplan.robots.catalogue import ARMS
+from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.product import Part, Points, Product, Vector
@@ -32,6 +36,14 @@ CUPS_M: Mapping[str, float] = {
     HEAVY_CUP: 0.07,
 }
 """Diameters of the suction cups [m]."""
+
+GRIPPERS: Mapping[str, float | None] = {
+    "robotiq_2f85": 5.0,
+    "robotiq_2f140": 2.5,
+    "long_jaws": None,
+    "wide_jaws": None,
+}
+"""Grippers of the catalogue from light to heavy, with the payload that their makers state [kg]."""
 
 TIPS_PROFILE_M = (
     (0.0, 0.003, 0.0, 0.004),
@@ -56,17 +68,48 @@ _SIDES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
+class Load:
+    """A part in a tool.
+
+    Parameters
+    ----------
+    mass_kg
+        Mass of both.
+    tip_m
+        Least height of the tool's tip above the bottom of the part [m].
+    """
+
+    mass_kg: float
+    tip_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Held:
     """A tool and the grasps of a part by it, as in the part's entry in a task file."""
 
     tool: str
     grasps: tuple[Mapping[str, Any], ...]
 
+    def compute_load_kg(self, part: Part, hand: Hand) -> float:
+        """Return the mass of a part with the tool that holds it [kg]."""
+        in_catalogue = self.tool in GRIPPERS
+        return part.mass_kg + (equip_hand(hand, self.tool)[1] if in_catalogue else hand.mass_kg)
+
     @property
     def entry(self) -> dict[str, Any]:
         """Keys ``tool`` and ``grasp``."""
         grasps = [dict(grasp) for grasp in self.grasps]
         return {"tool": self.tool, "grasp": grasps if len(grasps) > 1 else grasps[0]}
+
+
+@cache
+def equip_hand(hand: Hand, gripper: str) -> tuple[Hand, float]:
+    """Return the hand of an arm with a gripper of the catalogue instead, and its mass [kg]."""
+    tool = ToolConfig.model_validate({"model": gripper, "holder_m": [0.0, 0.0]})
+    equipped = tool.hand_on(hand)
+    assert equipped is not None
+    assert tool.mass_kg is not None
+    return equipped, tool.mass_kg
 
 
 def list_holds(
@@ -102,6 +145,13 @@ def list_holds(
     beside = finder.find_jaw_grasps(hand, _SIDES, sunk_m)
     if beside:
         yield _hold(GRIPPER, beside)
+    for approaches in ((DOWN,), _SIDES):
+        for gripper, rated_kg in GRIPPERS.items():
+            if rated_kg is None or part.mass_kg <= rated_kg:
+                other = equip_hand(hand, gripper)[0]
+                grasps = finder.find_jaw_grasps(other, approaches, sunk_m)
+                if grasps:
+                    yield _hold(gripper, grasps)
 
 
 def _hold(tool: str, grasps: Sequence[JawGrasp]) -> Held:
@@ -114,27 +164,57 @@ def _hold_by_cup(finder: GraspFinder, cup: str) -> Iterator[Held]:
         yield Held(cup, ({"at_m": list(place)},))
 
 
-def compute_payload_kg(robot: str) -> float:
-    """Return the greatest mass of a part in the hand of an arm of the catalogue [kg]."""
-    arm, hand = ARMS[robot]
-    assert arm.payload_kg is not None
-    return arm.payload_kg - hand.mass_kg
+def get_payload_kg(robot: str) -> float:
+    """Return the payload of an arm of the catalogue, tool included [kg]."""
+    payload_kg = ARMS[robot][0].payload_kg
+    assert payload_kg is not None
+    return payload_kg
 
 
-def describe_too_heavy(mass_kg: float, robot: str) -> str | None:
-    """Return why an arm cannot carry a part, with the least arm that does, or None."""
-    if mass_kg <= compute_payload_kg(robot):
+def describe_too_heavy(mass_kg: float, tool_kg: float, robot: str, tool: str) -> str | None:
+    """Return why an arm cannot carry a part with a tool, and the least arm that can, or None."""
+    if mass_kg + tool_kg <= get_payload_kg(robot):
         return None
-    able = [name for name in ARMS if compute_payload_kg(name) >= mass_kg]
-    words = f"weighs {mass_kg:.3g} kg, and {robot} carries {compute_payload_kg(robot):.3g} kg"
+    able = [name for name in ARMS if get_payload_kg(name) >= mass_kg + tool_kg]
+    words = (
+        f"weighs {mass_kg:.3g} kg, and {robot} carries {get_payload_kg(robot) - tool_kg:.3g} kg "
+        f"with {tool}"
+    )
     if not able:
-        return f"{words} with its hand; no arm of the catalogue carries it"
-    weakest = min(able, key=lambda name: (compute_payload_kg(name), name))
-    return f"{words} with its hand; --robot {weakest} carries {compute_payload_kg(weakest):.3g} kg"
+        return f"{words}; no arm of the catalogue carries it"
+    weakest = min(able, key=lambda name: (get_payload_kg(name), name))
+    return f"{words}; --robot {weakest} carries {get_payload_kg(weakest) - tool_kg:.3g} kg"
+
+
+@dataclass(slots=True)
+class KnownHolds:
+    """Tools and grasps that were found, by part, side up and depth in other parts."""
+
+    _found: dict[tuple[Any, ...], tuple[list[Held], Iterator[Held]]] = field(default_factory=dict)
+
+    def iterate(self, key: tuple[Any, ...], search: Callable[[], Iterator[Held]]) -> Iterator[Held]:
+        """Yield the holds of a part; each is searched once."""
+        if key not in self._found:
+            self._found[key] = ([], search())
+        known, more = self._found[key]
+        for number in count():
+            while len(known) <= number:
+                held = next(more, None)
+                if held is None:
+                    return
+                known.append(held)
+            yield known[number]
 
 
 class PartHolds:
     """Tools and grasps of the parts of a product: the chosen ones, and others to try.
+
+    Parameters
+    ----------
+    robot
+        Arm whose payload limits the choice; None for an arm that carries everything.
+    known
+        Holds that were found before, also for other arms.
 
     Attributes
     ----------
@@ -143,11 +223,20 @@ class PartHolds:
     """
 
     def __init__(
-        self, product: Product, relation: Relation, base: str, up: Vector, robot: str
+        self,
+        product: Product,
+        relation: Relation,
+        base: str,
+        up: Vector,
+        robot: str | None,
+        known: KnownHolds | None = None,
     ) -> None:
         self._product, self._relation, self._base = product, relation, base
-        self._robot, self._hand = robot, ARMS[robot][1]
-        self._upright = place_upright(product, up, (0.0, 0.0))
+        self._robot, self._hand = robot, ARMS[robot or DEFAULT_ARM][1]
+        self._known = known or KnownHolds()
+        # Tools that hold a part and that the arm cannot carry with it.
+        self._heavy: dict[str, Held] = {}
+        self._up, self._upright = up, place_upright(product, up, (0.0, 0.0))
         self._choices: dict[str, Iterator[Held]] = {}
         self._chosen: dict[str, Held] = {}
         self._failures: dict[str, Failure] = {}
@@ -188,13 +277,31 @@ class PartHolds:
             if name in self._chosen or name in self.fixed:
                 continue
             part = self._get_part(name)
-            words = describe_too_heavy(part.mass_kg, self._robot)
+            words = self._describe_load(part, self._hand.mass_kg, "its hand")
             if words is not None:
                 if not self._fix(name, words):
                     unheld[name] = LeftOut(name, "too heavy", words)
             elif not self.take_next(name):
                 unheld |= self.give_up(name)
         return unheld
+
+    def list_loads(self) -> dict[str, Load]:
+        """Return the loads of an arm, parts with their chosen tools."""
+        loads = {}
+        for name, held in self._chosen.items():
+            part = self._get_part(name)
+            height_m = float(self._upright.size(part)[2])
+            tips_m = [
+                grasp["at_m"][2] if "approach" in grasp else height_m - grasp.get("depth_m", 0.0)
+                for grasp in held.grasps
+            ]
+            loads[name] = Load(held.compute_load_kg(part, self._hand), min(tips_m))
+        return loads
+
+    def _describe_load(self, part: Part, tool_kg: float, tool: str) -> str | None:
+        if self._robot is None:
+            return None
+        return describe_too_heavy(part.mass_kg, tool_kg, self._robot, tool)
 
     def take_next(self, name: str, failure: Failure | None = None) -> bool:
         """Choose the next tool of a part; return False if there is none.
@@ -210,34 +317,20 @@ class PartHolds:
             return False
         if name not in self._choices:
             self._choices[name] = self._list_holds(self._get_part(name))
-        held = next(self._choices[name], None)
-        if held is not None:
-            self._chosen[name] = held
-        return held is not None
+        part = self._get_part(name)
+        for held in self._choices[name]:
+            tool_kg = held.compute_load_kg(part, self._hand) - part.mass_kg
+            if self._describe_load(part, tool_kg, held.tool) is None:
+                self._chosen[name] = held
+                return True
+            self._heavy.setdefault(name, held)
+        return False
 
     def give_up(self, name: str) -> dict[str, LeftOut]:
         """Return a part that no tool holds or brings, with the nearest remedy; fix the base."""
         failure = self._failures.get(name)
         if failure is None:
-            size = self._upright.size(self._get_part(name))
-            wide_mm = float(size[:2].min()) * 1e3
-            words = (
-                f"is {wide_mm:.0f} mm wide, has no opposite faces that jaws of "
-                f"{self._hand.opening_m * 1e3:.0f} mm hold, and no level face wide enough for a cup"
-            )
-            lighter_kg = self._find_bearable_mass(self._get_part(name))
-            if lighter_kg is not None:
-                words = (
-                    f"weighs {self._get_part(name).mass_kg:.3g} kg, more than jaws of "
-                    f"{self._hand.force_n:g} N and the cups that its level faces have room for bear"
-                )
-            if self._fix(name, words):
-                return {}
-            if lighter_kg is not None:
-                words += f"; at {lighter_kg:.3g} kg it could be held: is it of another material?"
-                return {name: LeftOut(name, "too heavy", words)}
-            remedy = "--as-one with a part that can be held, or --leave-out"
-            return {name: LeftOut(name, "no grasp", f"{words}; {remedy}")}
+            return self._give_up_unheld(self._get_part(name))
         words = f"cannot be brought, whatever tool holds it: {failure.text}"
         if name in self._relation.driven:
             words = f"cannot be driven: {failure.text}"
@@ -247,6 +340,34 @@ class PartHolds:
             remedy = "" if self._robot == LONG_ARM else f"; --robot {LONG_ARM} reaches farther"
             return {name: LeftOut(name, "unreachable", f"{words}{remedy}")}
         return {name: LeftOut(name, "no grasp", words)}
+
+    def _give_up_unheld(self, part: Part) -> dict[str, LeftOut]:
+        """Return a part that no tool holds, or none that the arm carries; fix the base."""
+        name, heavy = part.name, self._heavy.get(part.name)
+        if heavy is not None:
+            tool_kg = heavy.compute_load_kg(part, self._hand) - part.mass_kg
+            words = self._describe_load(part, tool_kg, f"{heavy.tool}, which holds it") or ""
+            return {} if self._fix(name, words) else {name: LeftOut(name, "too heavy", words)}
+        lighter_kg = self._find_bearable_mass(part)
+        if lighter_kg is not None:
+            words = (
+                f"weighs {part.mass_kg:.3g} kg, more than the grippers, and the cups that its "
+                "level faces have room for, bear"
+            )
+            if self._fix(name, words):
+                return {}
+            words += f"; at {lighter_kg:.3g} kg it could be held: is it of another material?"
+            return {name: LeftOut(name, "too heavy", words)}
+        wide_mm = float(self._upright.size(part)[:2].min()) * 1e3
+        most_mm = max(equip_hand(self._hand, name)[0].opening_m for name in GRIPPERS) * 1e3
+        words = (
+            f"is {wide_mm:.0f} mm wide, has no opposite faces that a gripper holds (they open up "
+            f"to {most_mm:.0f} mm), and no level face wide enough for a cup"
+        )
+        if self._fix(name, words):
+            return {}
+        remedy = "--as-one with a part that can be held, or --leave-out"
+        return {name: LeftOut(name, "no grasp", f"{words}; {remedy}")}
 
     def _find_bearable_mass(self, part: Part) -> float | None:
         """Return the half, quarter, ... of a part's mass that a tool bears [kg], or None."""
@@ -279,8 +400,9 @@ class PartHolds:
         bottom = np.array(self._upright.bottom(part))
         local = self._upright.vertices(part) - bottom
         centre = self._upright.matrix @ np.asarray(part.centre_m) + self._upright.offset_m - bottom
-        sunk_m = max(0.0, self._find_sunk_m(part) - float(bottom[2]))
-        return list_holds(part, local, centre, self._hand, sunk_m)
+        sunk_m = round(max(0.0, self._find_sunk_m(part) - float(bottom[2])), 6)
+        key = (part.name, part.density_kg_m3, self._up, sunk_m)
+        return self._known.iterate(key, lambda: list_holds(part, local, centre, self._hand, sunk_m))
 
     def _find_sunk_m(self, part: Part) -> float:
         """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""

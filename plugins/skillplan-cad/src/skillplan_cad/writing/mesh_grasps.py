@@ -90,6 +90,7 @@ class GraspFinder:
     def __init__(self, part: Part, local: Points, centre_m: Floats) -> None:
         self._local, self._centre_m = local, centre_m
         self._mass_kg = part.mass_kg
+        self._fields: dict[bytes, _Field] = {}
         self._mesh = RayMesh(replace(part, vertices_m=local), np.zeros(3))
         corners = local[part.triangles]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -187,7 +188,7 @@ class GraspFinder:
         self, hand: Hand, approach: Floats, closing: Floats, sunk_m: float
     ) -> Iterator[JawGrasp]:
         """Yield the grasps of jaws that close in one direction, with the best of each depth."""
-        field = _Field.trace(self._mesh, self._local, approach, closing)
+        field = self._trace(approach, closing)
         centre = field.frame @ self._centre_m
         from_top = approach[2] < -0.5
         lowest_m = min(_ABOVE_M, _ABOVE_SHARE * float(np.ptp(self._local[:, 2])))
@@ -218,6 +219,13 @@ class GraspFinder:
                         patch.area_m2,
                         (float(point[0]), float(point[1]), float(point[2])),
                     )
+
+    def _trace(self, approach: Floats, closing: Floats) -> _Field:
+        """Return the field of two directions; hands share it."""
+        key = np.concatenate([approach, closing]).tobytes()
+        if key not in self._fields:
+            self._fields[key] = _Field.trace(self._mesh, self._local, approach, closing)
+        return self._fields[key]
 
     def _holds(self, hand: Hand, patch: _Patch, twist_m: float, tilt_m: float) -> bool:
         """Return True if friction bears weight and moments of the part (Howe and Cutkosky, 1996).
@@ -369,6 +377,7 @@ class _Field:
         if not _CLEAR_M < width <= hand.opening_m - _PLAY_M:
             return None
         touches = [around & (begins <= left + _NEAR_M), around & (ends >= right - _NEAR_M)]
+        self._drop_slopes(touches, rows, columns, (left, right))
         cell = self.cell_m[0] * self.cell_m[1]
         areas = [float(mask.any(axis=2).sum()) * cell for mask in touches]
         if min(areas) < _LEAST_M2:
@@ -394,6 +403,24 @@ class _Field:
             min(areas),
             max(reach, 5e-4),
         )
+
+    def _drop_slopes(
+        self,
+        touches: Sequence[NDArray[np.bool_]],
+        rows: NDArray[np.bool_],
+        columns: NDArray[np.bool_],
+        sides: tuple[float, float],
+    ) -> None:
+        """Remove touches of the ends of jaws on slopes, along which they slip off."""
+        lowest = int(np.flatnonzero(rows)[0])
+        if lowest == 0 or touches[0].shape[1] < 2:
+            return
+        begins, ends = self.begins[columns, lowest - 1], self.ends[columns, lowest - 1]
+        for mask, side, sign in zip(touches, sides, (-1, 1), strict=True):
+            beyond = (begins <= side + sign * _NEAR_M) & (ends >= side + sign * _NEAR_M)
+            is_wider = np.isfinite(begins) & beyond
+            slips = is_wider.any(axis=1) & ~mask[:, 1].any(axis=1)
+            mask[slips, 0] = False
 
     def _is_clear(self, column: int, tip: float, hand: Hand, left: float, right: float) -> bool:
         """Return True if open jaws and the hand's body above them meet no material."""

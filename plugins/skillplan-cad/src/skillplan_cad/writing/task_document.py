@@ -30,6 +30,7 @@ from skillplan_cad.writing.held_part import (
     CUP,
     CUPS_M,
     GRIPPER,
+    GRIPPERS,
     HEAVY_CUP,
     LARGE_CUP,
     SMALL_CUP,
@@ -37,6 +38,7 @@ from skillplan_cad.writing.held_part import (
     TIPS_PROFILE_M,
     WIDE_CUP,
     PartHolds,
+    equip_hand,
 )
 from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
 from skillplan_cad.writing.upright import Upright, place_upright
@@ -96,6 +98,7 @@ HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
 FURTHER_HOLDERS: tuple[Place, ...] = (
     *((0.12, 0.50), (0.04, 0.50), (-0.04, 0.50)),
     *((-0.13, 0.50), (-0.24, 0.50), (-0.32, 0.50), (-0.40, 0.50)),
+    *((-0.26, 0.62), (-0.02, 0.62), (0.22, 0.62), (0.46, 0.62)),
 )
 # Place of the tip at the start, as a share of the arm's reach; and the least of it [m].
 _HOME, _HOME_M = 0.3, 0.35
@@ -278,7 +281,18 @@ def compute_safe_height_m(
 
 _HOLDER_OF: Mapping[str, Place] = dict(
     zip(
-        (GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP, WIDE_CUP, HEAVY_CUP, *SOCKETS),
+        (
+            GRIPPER,
+            CUP,
+            DRIVER,
+            TIPS,
+            SMALL_CUP,
+            LARGE_CUP,
+            WIDE_CUP,
+            HEAVY_CUP,
+            *SOCKETS,
+            *GRIPPERS,
+        ),
         (*HOLDERS, *FURTHER_HOLDERS),
         strict=True,
     )
@@ -298,6 +312,11 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
     for name, holder in _HOLDER_OF.items():
         masses_kg = [entry["mass_kg"] for entry in entries if entry.get("tool") == name]
         if not masses_kg:
+            continue
+        if name in GRIPPERS:
+            most_n = equip_hand(hand, name)[0].force_n
+            force_n = _compute_grip_n(max(masses_kg), most_n)
+            tools[name] = {"model": name, "holder_m": list(holder), "force_n": force_n}
             continue
         drives = name in (DRIVER, *SOCKETS)
         kind = "screwdriver" if drives else "suction" if name in CUPS_M else "gripper"

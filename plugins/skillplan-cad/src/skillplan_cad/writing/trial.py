@@ -133,6 +133,7 @@ class TaskTrials:
         setup = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
         feasibility = make_feasibility(task, setup)
         try:
+            self._forget_far(task, config)
             failures = dict(self._try_skills(feasibility, config, order))
             left = [name for name in (*config.parts, *config.screws) if name not in self._granted]
             untried = tuple(
@@ -148,6 +149,17 @@ class TaskTrials:
             return self._find_order(task, config, feasibility, order)
         finally:
             feasibility.close()
+
+    def _forget_far(self, task: Task, config: AssemblyConfig) -> None:
+        """Forget the parts that are out of reach now, as the table is laid out anew."""
+        reach = make_feasibility(task, Setup(collision=()))
+        skills = {skill.name: skill for skill in task.skills}
+        for name in sorted(self._granted):
+            if name in config.parts or name in config.screws:
+                turn = _list_facts(task, config, _list_supports(config, name), name)
+                if _try_one(reach, skills, turn, name) is not None:
+                    self._granted.discard(name)
+        reach.close()
 
     def _use_known_meshes(
         self, document: Mapping[str, Any], changed: Iterable[str]
