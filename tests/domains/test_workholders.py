@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 
 import pytest
+import yaml
 
 from skillplan import load_problem
 from skillplan.errors import SkillplanError
+from skillplan.pipeline import Setup, solve
 from skillplan.task import Facts
 
 CELL = """
@@ -206,6 +208,9 @@ def test_a_task_without_them_keeps_its_facts(load):
             "rpy_rad: [1.5708, 0, 0]",
             "in 'down' the place is at a side",
         ),
+        ("lid:\n    {", "lid:\n    {orientation: dwn, ", "unknown orientation 'dwn'. Did you mean"),
+        ("through: lid", "through: arm, orientation: up", "no workholder carries 'screw'"),
+        ("takes_s: 4.0", "in_order: true", "flip.in_order: has no effect, as no part or screw"),
         ("vise: {", "flip: {", "the name 'flip' is taken in 'workholders'. Choose another."),
     ],
 )
@@ -216,6 +221,52 @@ def test_faults_are_told_with_their_place(load, old, new, message):
         load(text.replace(old, new, 1))
     assert message in str(caught.value)
     assert "cell.yaml:" in str(caught.value)
+
+
+FOOT = """
+kind: assembly
+name: foot
+cost: [turns, distance]
+robot: {name: panda, home_m: [0.35, 0.0], safe_height_m: 0.3}
+tools:
+  gripper: {opening_m: 0.08, holder_m: [0.30, -0.40]}
+  driver: {type: screwdriver, holder_m: [0.30, -0.50]}
+initial_tool: gripper
+workholders:
+  flip: {pivot_m: [0.5, 0, 0.1], orientations: {up: {}, down: {rpy_rad: [3.14159265, 0, 0]}}}
+holders: {vise: {kind: hold, parts: base, stays: true}}
+parts:
+  base: {tool: gripper, size_m: [0.06, 0.06, 0.02], start_m: [0.4, 0.3], goal_m: [0.5, 0.0, 0.09]}
+  lid:
+    {tool: gripper, size_m: [0.04, 0.04, 0.01], start_m: [0.5, 0.3], goal_m: [0.5, 0.0],
+     goal_on: base}
+  foot:
+    {tool: gripper, size_m: [0.04, 0.04, 0.01], start_m: [0.6, 0.3], goal_m: [0.5, 0.0, 0.09],
+     goal_rpy_rad: [3.14159265, 0, 0], insert_along: [0, 0, 1], goal_on: base}
+screws:
+  top: {tool: driver, through: lid, into: base, hole_m: [0.5, 0.0]}
+"""
+_ORIENTATIONS = {"base": "up", "lid": "up", "foot": "down", "top": "up"}
+
+
+def test_in_order_each_component_has_one_skill_and_a_turn_waits_for_all_before_it(load):
+    """Solvers that order jobs take the turn between them, and prove what exact search proves."""
+    document = yaml.safe_load(FOOT)
+    document["workholders"]["flip"]["in_order"] = True
+    for name, orientation in _ORIENTATIONS.items():
+        kind = "screws" if name == "top" else "parts"
+        document[kind][name]["orientation"] = orientation
+    task = load(yaml.safe_dump(document, sort_keys=False))
+    names = {skill.name for skill in task.skills}
+    assert {"place(base)", "place(lid)", "place(foot.down)", "turn(flip.down)"} <= names
+    assert not {"place(foot)", "place(lid.down)", "turn(flip.up)", "fasten(top.down)"} & names
+    needed = set(task.skill("turn(flip.down)").precondition.requires)
+    assert needed >= {"placed(base)", "placed(lid)", "fastened(top)", "turned(flip.up)"}
+    assert "placed(foot)" not in needed
+    setup = Setup(collision=("aabb",))
+    by_jobs, proved = solve(task, "subset-dp", setup), solve(task, "exact", setup)
+    assert (by_jobs.status, proved.status) == ("optimal", "optimal")
+    assert by_jobs.cost == pytest.approx(proved.cost, abs=1e-9)
 
 
 TABLE = """

@@ -6,7 +6,7 @@ these skills, and the situation after the last one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from graphlib import CycleError, TopologicalSorter
@@ -57,6 +57,20 @@ class Job:
         return self.stages[0] ^ self.stages[-1]
 
 
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """A skill that every plan uses once, after some jobs and before others, such as a turn.
+
+    Parameters
+    ----------
+    earlier, later
+        Jobs on either side, as sets.
+    """
+
+    earlier: int
+    later: int
+
+
 class ComponentJobs:
     """The jobs of a task, and the skills between jobs.
 
@@ -76,6 +90,8 @@ class ComponentJobs:
         Indices of the jobs that the goal needs.
     connectors
         Skills outside of all jobs, such as tool changes.
+    gates
+        Connectors that need jobs, by name.
 
     Raises
     ------
@@ -105,7 +121,7 @@ class ComponentJobs:
         self.goal = tuple(
             i for i, job in enumerate(self.jobs) if task.operations[job.component] in goal_facts
         )
-        self._check_connectors()
+        self.gates = self._find_gates()
         self._check_runs()
 
     def no(self, reason: str) -> NotASequencing:
@@ -226,6 +242,13 @@ class ComponentJobs:
                 raise self.no(f"{skill.name} cannot follow what {component} needs before")
             known.append((holds, lacks))
             holds, lacks = self._after(holds, lacks, skill)
+        for position in range(len(chain) - 2, -1, -1):
+            # A later skill's condition that no skill of the job changes held before.
+            changed = effects(chain[position])
+            known[position] = (
+                known[position][0] | known[position + 1][0] & ~changed,
+                known[position][1] | known[position + 1][1] & ~changed,
+            )
         after = self._constant & self._initial | holds
         unsure = self.situation & ~(holds | lacks | self._constant)
         if unsure:
@@ -245,14 +268,44 @@ class ComponentJobs:
         excluded = (self._exclusive.get(bit.bit_length(), 0) for bit in iterate_bits(holds))
         return reduce(or_, excluded, 0)
 
-    def _check_connectors(self) -> None:
+    def _find_gates(self) -> dict[str, Gate]:
+        """Return the skills between jobs that depend on jobs, with the jobs on either side."""
         owned = self.task.facts.all_bits & ~self.situation
+        added = reduce(or_, (skill.prediction.add.bits for skill in self._live), 0)
+        gates: dict[str, Gate] = {}
         for skill in self.connectors:
-            condition = skill.precondition
-            bits = (condition.requires.bits | condition.forbids.bits) & owned
-            if bits:
-                fact = self.task.facts.names_of(bits)[0]
+            needs = skill.precondition.requires.bits & owned
+            bars = skill.precondition.forbids.bits & owned
+            # A fact that ends for good: the jobs that need it come before.
+            gone = skill.prediction.delete.bits & self.situation & ~added
+            earlier = self._select_jobs(gone)
+            unmet = bars | needs & ~reduce(or_, (self.jobs[i].stages[-1] for i in earlier), 0)
+            if unmet:
+                fact = self.task.facts.names_of(unmet)[0]
                 raise self.no(f"{skill.name} is no part of a job and depends on {fact}")
+            if needs:
+                done = [i for i in earlier if self.jobs[i].stages[-1] & needs]
+                later = self._select_jobs(self._list_only_after(skill))
+                gates[skill.name] = Gate(_make_set(done), _make_set(later))
+        return gates
+
+    def _select_jobs(self, facts: int) -> list[int]:
+        """Return the jobs that need one of some facts of the situation."""
+        return [i for i, job in enumerate(self.jobs) if job.known[-1][0] & facts]
+
+    def _list_only_after(self, first: Skill) -> int:
+        """Return the bits of the facts that come about after a skill between jobs only."""
+        after, grows = 0, True
+        while grows:
+            others = [
+                skill
+                for skill in self._live
+                if skill.name != first.name and not skill.precondition.requires.bits & after
+            ]
+            reached = reduce(or_, (skill.prediction.add.bits for skill in others), self._initial)
+            before, after = after, self.situation & ~reached & self.task.facts.all_bits
+            grows = after != before
+        return after
 
     def _check_runs(self) -> None:
         """Check that no other skill can run between the skills of a job.
@@ -316,6 +369,9 @@ class DoneSets:
         structure = self.structure
         own, done, undone = structure.jobs[job].own, 0, 0
         foreign = structure.task.facts.all_bits & ~structure.situation & ~own
+        for gate in structure.gates.values():
+            done |= gate.earlier if gate.later >> job & 1 else 0
+            undone |= gate.later if gate.earlier >> job & 1 else 0
         for skill in structure.jobs[job].chain:
             needs = skill.precondition.requires.bits & foreign
             bars = skill.precondition.forbids.bits & foreign
@@ -331,6 +387,11 @@ class DoneSets:
                 done |= (not may[0]) << other
                 undone |= (not may[1]) << other
         return done, undone
+
+
+def _make_set(jobs: Iterable[int]) -> int:
+    """Return some jobs as a set."""
+    return sum(1 << job for job in jobs)
 
 
 def list_members(jobs: int) -> Iterator[int]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.model.component_jobs import ComponentJobs, DoneSets
+from skillplan.model.component_jobs import ComponentJobs, DoneSets, Gate
 from skillplan.model.fact_analysis import iterate_bits
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.cost import NEVER, TableCost
@@ -72,8 +72,13 @@ class JobConnections:
         self._structure = structure
         self._sets = sets
         self._facts = structure.task.facts
+        # Gates need jobs, too: in every order they are done by then.
         self._connectors = [
-            (skill, skill.precondition.requires.bits, skill.precondition.forbids.bits)
+            (
+                skill,
+                skill.precondition.requires.bits & structure.situation,
+                skill.precondition.forbids.bits & structure.situation,
+            )
             for skill in structure.connectors
         ]
         self._passable: dict[str, list[tuple[int, int, bool]]] = {}
@@ -182,8 +187,9 @@ class JobConnections:
         for basis, value, passes in kept:
             if situation & basis == value:
                 return passes
-        first = self._verdict(skill, situation, 0)
-        open_sets, queries, basis = [(first, 0, 0)], 1, 0
+        gate = self._structure.gates.get(skill.name, Gate(0, 0))
+        first = self._verdict(skill, situation, gate.earlier)
+        open_sets, queries, basis = [(first, gate.earlier, gate.later)], 1, 0
         while open_sets:
             verdict, done, never = open_sets.pop()
             assert verdict.present is not None

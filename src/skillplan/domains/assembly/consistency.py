@@ -14,7 +14,7 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.subassembly import find_subassembly_issues
 from skillplan.domains.assembly.vocabulary import HOME, list_actions, list_facts, split_literal
 from skillplan.domains.assembly.workholder_faults import find_holding_issues
-from skillplan.domains.assembly.workholding import list_orientations
+from skillplan.domains.assembly.workholding import list_insertion_orientations
 from skillplan.errors import Issue, name_hint
 from skillplan.task.scene import WORLD
 
@@ -267,21 +267,25 @@ def _check_lists(config: AssemblyConfig) -> Iterator[Issue]:
 
 def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
     """Return the actions that every plan must contain, each with a fact of the goal."""
+    labels = {
+        name: [turn.label for turn in list_insertion_orientations(config, name)]
+        for name in (*config.moved_parts, *config.screws)
+    }
     jobs = [
         (
             f"placed({name})",
             # A part with buffers may be picked in several ways.
-            [*([] if part.buffers else [f"pick({name})"]), f"place({name})"],
+            [*([] if part.buffers else [f"pick({name})"]), f"place({name}{labels[name][0]})"],
             part.tool,
         )
         for name, part in config.moved_parts.items()
         if not (part.other_goals or part.other_tools or part.interchangeable or part.optional)
-        and len(list_orientations(config, name)) == 1
+        and len(labels[name]) == 1
     ]
     jobs += [
-        (f"fastened({name})", [f"fasten({name})"], s.tool)
+        (f"fastened({name})", [f"fasten({name}{labels[name][0]})"], s.tool)
         for name, s in config.screws.items()
-        if not (s.other_tools or s.optional) and len(list_orientations(config, name)) == 1
+        if not (s.other_tools or s.optional) and len(labels[name]) == 1
     ]
     goal = None if config.goal is None else set(config.goal)
     initial = None if config.initial_tool is None else config.find_carrier(config.initial_tool)

@@ -19,7 +19,11 @@ from skillplan.domains.assembly.resting import find_buffer_issues, find_resting_
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.screw_holes import find_shank_issues
 from skillplan.domains.assembly.screw_schema import ScrewConfig
-from skillplan.domains.assembly.workholding import list_goal_poses, list_orientations, turn_pose
+from skillplan.domains.assembly.workholding import (
+    list_goal_poses,
+    list_insertion_orientations,
+    turn_pose,
+)
 from skillplan.domains.assembly.works import find_work_issues, list_work_points
 from skillplan.domains.assembly.zone_faults import find_zone_issues
 from skillplan.errors import Issue
@@ -237,7 +241,7 @@ def _list_places(
     for name, screw in config.screws.items():
         spare_m = abs(beyond_m[screw.tool])
         hole = layout.hole_pose(screw)
-        turns = list_orientations(config, name)
+        turns = list_insertion_orientations(config, name)
         holes = [(turn_pose(hole, turn.motion).position, 0.0, spare_m) for turn in turns]
         yield ("screws", name, "hole_m"), *min(holes, key=find_farther_m)
         if screw.start_m is not None and (place := layout.fetch(screw)) is not None:

@@ -49,8 +49,12 @@ from skillplan.domains.assembly.workholding import (
     build_workholders,
     list_fixture_placements,
     list_holds,
+    list_insertion_orientations,
     list_orientations,
     list_ties,
+    list_turn_needs,
+    list_turn_origins,
+    list_turn_targets,
     name_holding,
     name_open,
     name_turned,
@@ -322,7 +326,7 @@ class _Grounding:
                 if option.done == part:
                     where = choose_variant(config, part, option.label)
                     pose = get_layout(where).goal(part).pose
-                    for turn in list_orientations(config, part):
+                    for turn in list_insertion_orientations(config, part):
                         at = turn_pose(pose, turn.motion).position
                         positions[f"{option.place}{turn.label}"] = at
         for part, buffers in vocabulary.list_buffered(config).items():
@@ -336,7 +340,7 @@ class _Grounding:
         for name, tool in config.carriers.items():
             positions[f"{name}.holder"] = tool.holder
         for name, screw in config.screws.items():
-            for turn in list_orientations(config, name):
+            for turn in list_insertion_orientations(config, name):
                 mouth = turn_pose(Pose(layout.hole(screw)), turn.motion).position
                 positions[f"{name}{turn.label}"] = mouth
         for name in config.works:
@@ -365,7 +369,7 @@ class _Grounding:
                 for option in options:
                     if (name, option.label) in self.closed:
                         continue
-                    for turn in list_orientations(self.config, name):
+                    for turn in list_insertion_orientations(self.config, name):
                         yield self._build_place(name, option, turn, label, tool)
         for tool in self.config.carriers:
             if self.config.tool_change.style == "separate":
@@ -374,13 +378,13 @@ class _Grounding:
             else:
                 yield self._build_swap(tool)
         for name, screw in self.config.screws.items():
-            for turn in list_orientations(self.config, name):
+            for turn in list_insertion_orientations(self.config, name):
                 for label, tool in vocabulary.list_tool_labels(screw):
                     yield self._build_fasten(name, turn, label, tool)
         for name in self.config.works:
             yield self._build_work(name)
-        for name, workholder in self.config.workholders.items():
-            for orientation in workholder.orientations:
+        for name in self.config.workholders:
+            for orientation in list_turn_targets(self.config, name):
                 yield self._build_turn(name, orientation)
         for holder, held, label in list_holds(self.config):
             yield from self._build_holds(holder, held, label)
@@ -550,7 +554,7 @@ class _Grounding:
                 carries=name,
             )
             yield self._select_by(put, given)
-        for turn in list_orientations(config, name):
+        for turn in list_insertion_orientations(config, name):
             placed = [
                 turn_place_visit(config, visit, turn.motion)
                 for _, visit in list_place_visits(config, name)
@@ -748,14 +752,14 @@ class _Grounding:
     def _build_turn(self, name: str, orientation: str) -> Skill:
         config, entry = self.config, self.config.workholders[name]
         subject, done = f"{name}.{orientation}", name_turned(name, orientation)
-        others = [name_turned(name, other) for other in entry.orientations if other != orientation]
+        others = list_turn_origins(config, name, orientation)
         place = vocabulary.name_turn_stand(config, name)
         stand = Pose(self.positions[place])
         visit = Visit(stand, Event.TURN, subject, dwell_s=entry.takes_s)
         return self._build_skill(
             "turn",
             subject,
-            requires=[HAND_FREE],
+            requires=[HAND_FREE, *list_turn_needs(config, name, orientation)],
             forbids=[done, *list_ties(config, name)],
             add=[done],
             delete=others,

@@ -64,6 +64,7 @@ _MOVED_KEYS = (
     *("tool", "grasp", "grasp_failure", "start_m", "start_on", "feeder", "start_yaw_rad"),
     *("start_rpy_rad", "insert_along", "insert_m", "durations_s", "buffers"),
     *("other_goals", "other_tools", "optional", "interchangeable", "made_of", "arrives_s"),
+    "orientation",
 )
 
 # Keys that the members of a sub-assembly give.
@@ -572,6 +573,11 @@ class PartConfig(Shaped):
         description="it need not be placed, unless 'goal' names it; left out: it must",
     )
 
+    orientation: Name | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="orientation of its workholder in which it is put in; left out: any",
+    )
     made_of: Names | None = Field(
         None,
         exclude_if=is_absent,

@@ -122,7 +122,7 @@ HEXAGONS: Final = ("hex", "nut")
 _NUT_CLEARANCE_M: Final = 2.5e-4
 _STEEL_KG_M3: Final = 7850.0
 # Keys of a thread, which only a size has.
-_THREAD_KEYS = ("head", "length_m", "pitch_m", "engagement_m", "into")
+_THREAD_KEYS = ("head", "length_m", "pitch_m", "engagement_m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +153,8 @@ class ScrewConfig(Strict):
         None,
         exclude_if=is_absent,
         description="the part or fixture that its thread goes into, or a list of them, which must "
-        "be in place before; left out: its shank may be in 'through' alone",
+        "be in place before, and which it joins to 'through'; left out: its shank may be in "
+        "'through' alone",
     )
     feeder: Name | None = Field(
         None,
@@ -248,6 +249,11 @@ class ScrewConfig(Strict):
         description="tools that may drive it instead of 'tool', of which the search takes one; "
         "left out: none",
     )
+    orientation: Name | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="orientation of its workholder in which it is put in; left out: any",
+    )
     optional: bool = Field(
         False,
         exclude_if=is_empty,
@@ -334,8 +340,6 @@ class ScrewConfig(Strict):
                 raise Located("give 'size', too, such as M4.", key)
         if self.head == "nut":
             return self._check_nut()
-        if self.into is not None and self.length_m is None:
-            raise Located("give 'length_m', too: without it no shank is modelled.", "into")
         if self.hole_depth_m is not None and self.length_m is None:
             raise Located("give 'length_m', too: it is compared with it.", "hole_depth_m")
         if (self.engagement_m or 0.0) > (self.length_m or math.inf):

@@ -11,7 +11,8 @@ from skillplan.domains.assembly.schema_types import make_unit
 from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.workholding import (
     list_holds,
-    list_orientations,
+    list_insertion_orientations,
+    list_turn_targets,
     name_holding,
     name_open,
     name_turned,
@@ -125,7 +126,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
             f"{option.place}{orientation.label}"
             for option in goals
             if option.done == part
-            for orientation in list_orientations(config, part)
+            for orientation in list_insertion_orientations(config, part)
         )
         places += [name_start(config, part), *own]
     for part in list_buffered(config):
@@ -134,7 +135,7 @@ def list_facts(config: AssemblyConfig) -> Facts:
     places += [
         f"{screw}{orientation.label}"
         for screw in config.screws
-        for orientation in list_orientations(config, screw)
+        for orientation in list_insertion_orientations(config, screw)
     ]
     places += config.works
     places += [f"{part}.missed" for part in list_missed_parts(config)]
@@ -231,14 +232,14 @@ def list_actions(config: AssemblyConfig) -> list[str]:
     names: list[str] = []
     buffered = list_buffered(config)
     for name, part in config.moved_parts.items():
+        turns = [orientation.label for orientation in list_insertion_orientations(config, name)]
         if part.made_of:
             names.append(f"join({name})")
         if name in buffered:
             names += [f"pick({pick})" for pick, _, _ in list_picks(config, name)]
             names += [f"place({name}.{buffer})" for buffer in buffered[name]]
-            names += [f"place({name}{at.label})" for at in list_orientations(config, name)]
+            names += [f"place({name}{turn})" for turn in turns]
             continue
-        turns = [orientation.label for orientation in list_orientations(config, name)]
         for by, _ in list_tool_labels(part):
             names.append(f"pick({name}{by})")
             names += [
@@ -253,14 +254,14 @@ def list_actions(config: AssemblyConfig) -> list[str]:
     names += [
         f"fasten({name}{turn.label}{by})"
         for name, screw in config.screws.items()
-        for turn in list_orientations(config, name)
+        for turn in list_insertion_orientations(config, name)
         for by, _ in list_tool_labels(screw)
     ]
     names += [name_work(config, name)[0] for name in config.works]
     names += [
         f"turn({name}.{orientation})"
-        for name, entry in config.workholders.items()
-        for orientation in entry.orientations
+        for name in config.workholders
+        for orientation in list_turn_targets(config, name)
     ]
     for holder, held, by in list_holds(config):
         names += [f"{config.holders[holder].kind}({held}{by})", f"release({held}{by})"]

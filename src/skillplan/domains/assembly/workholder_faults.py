@@ -8,6 +8,7 @@ from dataclasses import replace
 from skillplan.collision.solid import TOUCH_M
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.vocabulary import list_interchangeable
 from skillplan.domains.assembly.workholding import (
     find_workholder,
     list_carried,
@@ -26,11 +27,11 @@ _SAME = 1e-6
 def find_holding_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield unknown, repeated and contradictory names of workholders, holders and works."""
     if not (config.workholders or config.holders):
-        for name, work in config.works.items():
-            if work.orientation is not None:
-                yield Issue(
-                    "no workholder carries its part. Leave it out.", ("works", name, "orientation")
-                )
+        for kind in ("works", "parts", "screws"):
+            for name, owner in getattr(config, kind).items():
+                if owner.orientation is not None:
+                    words = f"no workholder carries {'its part' if kind == 'works' else 'it'}."
+                    yield Issue(f"{words} Leave it out.", (kind, name, "orientation"))
         return
     owners: dict[str, str] = {}
     carried: dict[str, str] = {}
@@ -46,6 +47,7 @@ def find_holding_issues(config: AssemblyConfig) -> Iterator[Issue]:
         yield from _find_taken(holder.fixtures, owners, name, *here, "fixtures")
         yield from _find_held_issues(config, name, carried)
     yield from _find_lying_on_turning(config, owners)
+    yield from _find_insertion_issues(config)
     yield from _find_work_issues(config)
     for feeder, entry in config.feeders.items():
         if entry.cycle_s is not None:
@@ -212,6 +214,33 @@ def _find_lying_on_turning(config: AssemblyConfig, owners: dict[str, str]) -> It
         if fixture.stands_on in owners and owners.get(name) != owners[fixture.stands_on]:
             words = f"{fixture.stands_on!r} belongs to {owners[fixture.stands_on]!r} and does not"
             yield Issue(f"{words} stay. Name another.", ("fixtures", name, "stands_on"))
+
+
+def _find_insertion_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield orientations of parts and screws that do not exist, and orders without any."""
+    named: set[str] = set()
+    for kind, owners in (("parts", config.parts), ("screws", config.screws)):
+        for name, owner in owners.items():
+            if owner.orientation is None:
+                continue
+            path = (kind, name, "orientation")
+            on = find_workholder(config, name)
+            if on is None:
+                yield Issue(f"no workholder carries {name!r}. Leave it out.", path)
+                continue
+            named.add(on)
+            known = list(config.workholders[on].orientations)
+            if owner.orientation not in known:
+                hint = name_hint(owner.orientation, known)
+                yield Issue(f"unknown orientation {owner.orientation!r}. {hint}", path)
+            alike = list_interchangeable(config, name) if kind == "parts" else []
+            if any(config.parts[other].orientation != owner.orientation for other in alike):
+                words = f"parts that are interchangeable with {name!r} have another one."
+                yield Issue(f"{words} Give all the same.", path)
+    for workholder, entry in config.workholders.items():
+        if entry.in_order and workholder not in named:
+            words = "has no effect, as no part or screw that it carries has an 'orientation'."
+            yield Issue(f"{words} Leave it out.", ("workholders", workholder, "in_order"))
 
 
 def _find_work_issues(config: AssemblyConfig) -> Iterator[Issue]:

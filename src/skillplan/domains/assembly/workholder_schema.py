@@ -88,6 +88,12 @@ class WorkholderConfig(Strict):
         description="fixtures that belong to it and turn along, such as a plate, a cradle or a "
         "nest, given as they are in the first orientation; left out: none",
     )
+    in_order: bool = Field(
+        False,
+        exclude_if=_is_false,
+        description="true: orientations follow each other as they are listed, each once, and all "
+        "parts and screws with an 'orientation' are in before it ends; left out: any order",
+    )
     takes_s: Duration = Field(_TURN_S, description="time of a turn [s]")
     stand_m: Planar | None = Field(
         None,

@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.task.motion import Visit
 from skillplan.task.pose import Pose, unit
 from skillplan.task.scene import Holder, Placement, Workholder
@@ -14,7 +16,7 @@ from skillplan.task.state import AND
 
 
 class Orientation(NamedTuple):
-    """An orientation in which a part or screw may be put into the product.
+    """An orientation of a workholder.
 
     Parameters
     ----------
@@ -87,9 +89,19 @@ def list_orientations(config: AssemblyConfig, component: str) -> list[Orientatio
     return [_STILL] if workholder is None else list_workholder_orientations(config, workholder)
 
 
+def list_insertion_orientations(config: AssemblyConfig, component: str) -> list[Orientation]:
+    """Return the orientations in which a part or screw may be put into the product."""
+    orientations = list_orientations(config, component)
+    owner = config.parts.get(component) or config.screws[component]
+    if owner.orientation is None or orientations[0].fact is None:
+        return orientations
+    given = f".{owner.orientation})"
+    return [item for item in orientations if str(item.fact).endswith(given)] or orientations
+
+
 def list_goal_poses(config: AssemblyConfig, part: str, pose: Pose) -> list[Pose]:
-    """Return the poses of a part at its goal in all orientations, from that in the first one."""
-    return [turn_pose(pose, turn.motion) for turn in list_orientations(config, part)]
+    """Return the poses of a part at its goal when it is put there, from that in the first one."""
+    return [turn_pose(pose, turn.motion) for turn in list_insertion_orientations(config, part)]
 
 
 def find_holder_workholder(config: AssemblyConfig, holder: str) -> str | None:
@@ -161,6 +173,43 @@ def list_fixture_placements(
             closed = [Placement(name_holding(name, part), pose) for part in holder.parts]
             placements += turn_placements(closed, orientations)
     return tuple(placements)
+
+
+def list_turn_targets(config: AssemblyConfig, workholder: str) -> list[str]:
+    """Return the orientations that turns of a workholder lead to."""
+    entry = config.workholders[workholder]
+    return list(entry.orientations)[int(entry.in_order) :]
+
+
+def list_turn_origins(config: AssemblyConfig, workholder: str, orientation: str) -> list[str]:
+    """Return the facts of the orientations from which a workholder turns to another one."""
+    entry = config.workholders[workholder]
+    names = list(entry.orientations)
+    before = names.index(orientation)
+    origins = names[before - 1 : before] if entry.in_order else names
+    return [name_turned(workholder, other) for other in origins if other != orientation]
+
+
+def list_turn_needs(config: AssemblyConfig, workholder: str, orientation: str) -> list[str]:
+    """Return the facts that a turn to an orientation needs, if orientations are in order."""
+    entry = config.workholders[workholder]
+    if not entry.in_order:
+        return []
+    names = list(entry.orientations)
+    earlier = names[: names.index(orientation)]
+    carried = list_carried(config, workholder)
+    parts = ((name, part) for name, part in config.parts.items() if not part.fixed)
+    facts = [f"placed({name})" for name, part in parts if _goes_in(part, name, carried, earlier)]
+    screws = config.screws.items()
+    facts += [f"fastened({name})" for name, s in screws if _goes_in(s, name, carried, earlier)]
+    return [*list_turn_origins(config, workholder, orientation), *facts]
+
+
+def _goes_in(
+    owner: PartConfig | ScrewConfig, name: str, carried: Sequence[str], orientations: Sequence[str]
+) -> bool:
+    """Return whether a part or screw has to be in before orientations end."""
+    return name in carried and not owner.optional and owner.orientation in orientations
 
 
 def list_ties(config: AssemblyConfig, workholder: str) -> list[str]:

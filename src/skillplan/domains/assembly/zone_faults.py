@@ -12,7 +12,11 @@ from skillplan.domains.assembly.gripping import list_grasps
 from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.schema import AssemblyConfig, choose_variant
 from skillplan.domains.assembly.screw_schema import ScrewConfig
-from skillplan.domains.assembly.workholding import list_goal_poses, list_orientations, turn_pose
+from skillplan.domains.assembly.workholding import (
+    list_goal_poses,
+    list_insertion_orientations,
+    turn_pose,
+)
 from skillplan.domains.assembly.works import list_work_points
 from skillplan.domains.assembly.zone_schema import ZoneConfig
 from skillplan.domains.domain import Overview
@@ -113,7 +117,7 @@ def _list_arm_places(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[
     for name, screw in config.screws.items():
         holes = [
             turn_pose(layout.hole_pose(screw), turn.motion).position
-            for turn in list_orientations(config, name)
+            for turn in list_insertion_orientations(config, name)
         ]
         yield ("screws", name, "hole_m"), f"the hole of {name!r}", [*map(_lift, holes)]
         if screw.start_m is not None and (place := layout.fetch(screw)) is not None:
@@ -157,7 +161,7 @@ def _list_loads(config: AssemblyConfig) -> Iterator[tuple[_Path, str, list[_Load
             yield path, words, [_list_prisms(solid) for solid in solids]
     for name, screw in config.screws.items():
         hole = layout.hole_pose(screw)
-        turns = list_orientations(config, name)
+        turns = list_insertion_orientations(config, name)
         heads = [_list_head(screw, turn_pose(hole, turn.motion), turn.motion) for turn in turns]
         yield ("screws", name, "hole_m"), f"the head of {name!r}", heads
 
