@@ -209,6 +209,15 @@ class TestLoad:
         assert verdict.evidence["penetration_m"] > 0.01
         assert "placed(roof)" in verdict.facts
 
+    def test_a_blocked_approach_is_refused_without_paths_of_the_arm(self):
+        """The early refusal is the one of the check; without an obstacle there is none."""
+        task = assembly(self.roofed(0.05))
+        facts = ("at(home)", "tool(gripper)", "held(top)", "placed(base)")
+        detector, place = SweptDetector(task), task.skill("place(top)")
+        refusal = detector.refuse_early(place, task.facts.of(*facts, "placed(roof)"))
+        assert refusal == verdict_in(task, "place(top)", *facts[2:], "placed(roof)")
+        assert detector.refuse_early(place, task.facts.of(*facts)) is None
+
     def test_what_is_taken_is_hit_on_its_way_up(self):
         """A part under the lip of another cannot be picked, though the hand gets there."""
         content = shelf()

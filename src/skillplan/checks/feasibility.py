@@ -22,7 +22,14 @@ from skillplan.checks.single_check import (
     introduce_back_ends,
     query_execution_time_s,
 )
-from skillplan.checks.variants import VARIANTS, Prices, SkillVariants, choose_variant
+from skillplan.checks.variants import (
+    VARIANTS,
+    Prices,
+    SkillVariants,
+    Variant,
+    VariantVerdicts,
+    choose_variant,
+)
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import BackEndError
 from skillplan.task.back_end import BackEnd
@@ -264,6 +271,27 @@ class Feasibility:
             self.foresight.expect(batch.is_open, likely)
         self._workers.run(batch.lanes, poll, self.foresight)
         return batch.verdicts()
+
+    def refuse_early(self, skill: Skill, state: State) -> Verdict | None:
+        """Return a refusal of an applicable skill if back ends find it early, else None.
+
+        All variants of the skill are refused then.
+        """
+        verdicts = VariantVerdicts(skill, state)
+        variants = self.variants.of(skill) or (Variant("", skill),)
+        for variant in variants:
+            refusals = (
+                (back_end.refuse_early(variant.skill, state), back_end.name)
+                for back_end in self.back_ends
+            )
+            refusal = next((pair for pair in refusals if pair[0] is not None), None)
+            if refusal is None or refusal[0] is None:
+                return None
+            verdict = refusal[0].grounded(state, refusal[1])
+            if not skill.ways:
+                return verdict
+            verdicts.note(variant.label, verdict)
+        return verdicts.refuse()
 
     def stages(self, skill: Skill, state: State) -> list[Verdict]:
         """Return the verdict of every stage, also beyond the first that refuses."""

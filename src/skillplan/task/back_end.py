@@ -149,6 +149,10 @@ class BackEnd(ABC):
         """
         return 0.0
 
+    def refuse_early(self, skill: Skill, state: State) -> Verdict | None:
+        """Return the refusal of `check` if it is found in a fraction of its time, else None."""
+        return None
+
     @abstractmethod
     def check(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on an execution.

@@ -93,6 +93,7 @@ class GravityCheck:
         self._slides = np.array([joint.is_prismatic for joint in arm.description.joints])
         self._strokes_m = compute_strokes_m(arm.description)
         self._tip = model.frames[model.getFrameId("tip")].placement
+        self._centres: dict[str, Vector] = {}
 
     def on_strokes(self, motion: LinearMotion, strokes: Strokes) -> Overload | None:
         """Return the first overloaded joint on the way to a target or back, or None."""
@@ -230,7 +231,9 @@ class GravityCheck:
             return np.array(
                 (0.0, 0.0, 0.0) if motion.tool is None else motion.tool.tip_on_arm.position
             )
-        centre = compute_mass_properties(body).centre
+        if body.name not in self._centres:
+            self._centres[body.name] = compute_mass_properties(body).centre
+        centre = self._centres[body.name]
         in_world = np.array(motion.visit.pose.rotation) @ centre + motion.visit.pose.position
         tip = Pose(motion.tip, motion.orientation)
         return np.asarray(np.array(tip.rotation).T @ (in_world - np.array(motion.tip)))

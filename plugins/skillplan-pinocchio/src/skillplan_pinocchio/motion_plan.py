@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -25,12 +25,11 @@ from skillplan_pinocchio.inverse_kinematics import (
 )
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.continuous_check import Held, Hit, SelfCheck
-from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, measure_geometry_distance
+from skillplan_pinocchio.shapes import STILL, ConvexPiece, Nearness, Obstacle, measure_overlap
 from skillplan_pinocchio.sweep import Touch
 
 # Maximum excursion of a link between the nodes of a path [m].
 _BULGE_M = 0.02
-_STILL = coal.Transform3s()
 
 
 @dataclass(frozen=True)
@@ -57,12 +56,15 @@ class _Places:
         Joint frames, shapes (postures, joints, 3, 3) and (postures, joints, 3) [m].
     low, high
         Corners of axis-aligned boxes about the pieces, shape (postures, pieces, 3) [m].
+    placements
+        Placements of the pieces for coal by posture and piece, as far as they were needed.
     """
 
     rotations: Vector
     origins: Vector
     low: Vector
     high: Vector
+    placements: dict[tuple[int, int], Any] = field(default_factory=dict)
 
 
 class LinkSweep:
@@ -98,12 +100,13 @@ class LinkSweep:
         for number, piece in near:
             low, high = places.low[:, number], places.high[:, number]
             for sample in np.flatnonzero(_find_overlaps(low, high, piece, tolerance_m)).tolist():
-                distance_m, position = self._nearness(places, sample, number, piece)
-                if distance_m >= -tolerance_m:
-                    continue
-                depth_m = max(depth_m, -distance_m)
-                if first is None or (sample, number) < first:
-                    first, position_m = (sample, number), position
+                if first is not None and (sample, number) >= first:
+                    break
+                overlap = self._measure_overlap(places, sample, number, piece)
+                if overlap is not None and overlap.distance_m < -tolerance_m:
+                    first, position_m = (sample, number), overlap.position
+                    depth_m = -overlap.distance_m
+                    break
         if first is None or position_m is None:
             return None
         sample, number = first
@@ -114,18 +117,19 @@ class LinkSweep:
     def _pieces(self) -> tuple[LinkPiece, ...]:
         return self.arm.pieces
 
-    def _nearness(
+    def _measure_overlap(
         self, places: _Places, sample: int, number: int, piece: ConvexPiece
-    ) -> tuple[float, tuple[float, float, float]]:
+    ) -> Nearness | None:
         of_link = self._pieces[number]
-        rotation = places.rotations[sample, of_link.link - 1]
-        origin = places.origins[sample, of_link.link - 1]
-        frame = of_link.frame
-        placement = coal.Transform3s(
-            rotation @ frame.rotation, rotation @ frame.translation + origin
-        )
-        nearness = measure_geometry_distance(of_link.geometry, placement, piece.hull, _STILL)
-        return nearness.distance_m, nearness.position
+        if (sample, number) not in places.placements:
+            rotation = places.rotations[sample, of_link.link - 1]
+            origin = places.origins[sample, of_link.link - 1]
+            frame = of_link.frame
+            places.placements[sample, number] = coal.Transform3s(
+                rotation @ frame.rotation, rotation @ frame.translation + origin
+            )
+        placement = places.placements[sample, number]
+        return measure_overlap(of_link.geometry, placement, piece.hull, STILL)
 
     def _at(self, samples: int) -> _Places:
         if samples not in self._sampled:
@@ -310,6 +314,11 @@ class MotionPlanner:
         """Return the joint paths of a motion."""
         paths = self._paths(motion, self._closing(motion))
         return ArmMotion(motion, paths.elbows, paths.unreachable)
+
+    def can_reach(self, motion: LinearMotion) -> bool:
+        """Return whether the arm can follow a motion, if nothing is in its way."""
+        strokes = iterate_strokes(self.arm, motion)
+        return any(not isinstance(candidate, Unreachable) for candidate in strokes)
 
     def _paths(self, motion: LinearMotion, closing: Point | None) -> DescentPaths:
         """Return the paths of a motion with the jaws closing along a direction, or along either."""

@@ -27,7 +27,8 @@ _CIRCLE: Final = 64
 _TABLE_HALF_WIDTH_M: Final = 5.0
 _TABLE_THICKNESS_M: Final = 1.0
 
-_STILL = coal.Transform3s()
+STILL: Final = coal.Transform3s()
+"""The placement of a geometry that is not moved."""
 
 
 # Directions across a piece in which its width is measured, and its least share afterwards.
@@ -160,8 +161,8 @@ def measure_distance(
     piece: ConvexPiece, other: ConvexPiece, by: Sequence[float] | None = None
 ) -> Nearness:
     """Return the distance between two pieces, the first displaced by a vector [m] if given."""
-    at = _STILL if by is None else coal.Transform3s(np.eye(3), np.array(by))
-    return measure_geometry_distance(piece.hull, at, other.hull, _STILL)
+    at = STILL if by is None else coal.Transform3s(np.eye(3), np.array(by))
+    return measure_geometry_distance(piece.hull, at, other.hull, STILL)
 
 
 def measure_geometry_distance(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness:
@@ -171,6 +172,21 @@ def measure_geometry_distance(geometry: Any, at: Any, other: Any, other_at: Any)
     middle = (result.getNearestPoint1() + result.getNearestPoint2()) / 2
     x, y, z = (round(float(value), 6) for value in middle)
     return Nearness(float(distance_m), (x, y, z))
+
+
+def measure_overlap(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness | None:
+    """Return the distance between two geometries of coal if they overlap, else None.
+
+    A tree of triangles is tested for overlap first, because the distance to one takes ten times as
+    long as this test.
+    """
+    if isinstance(other, coal.BVHModelOBBRSS):
+        request = coal.CollisionRequest()
+        request.enable_contact = False
+        if not coal.collide(geometry, at, other, other_at, request, coal.CollisionResult()):
+            return None
+    nearness = measure_geometry_distance(geometry, at, other, other_at)
+    return nearness if nearness.distance_m < 0 else None
 
 
 def may_touch(piece: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> bool:

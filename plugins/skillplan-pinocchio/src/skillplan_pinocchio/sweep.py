@@ -7,7 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from skillplan.task.motion import Point
-from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, may_touch, measure_distance
+from skillplan_pinocchio.shapes import (
+    STILL,
+    ConvexPiece,
+    Obstacle,
+    may_touch,
+    measure_distance,
+    measure_overlap,
+)
 
 
 @dataclass(frozen=True)
@@ -98,8 +105,8 @@ class Sweep:
         tolerance_m: float,
         samples: int,
     ) -> Touch | None:
-        whole = measure_distance(swept, other)
-        if whole.distance_m >= -tolerance_m:
+        whole = measure_overlap(swept.hull, STILL, other.hull, STILL)
+        if whole is None or whole.distance_m >= -tolerance_m:
             return None
         depth_m = round(-whole.distance_m, 6)
         nearest, nearest_m = Touch(0.0, whole.position, depth_m), math.inf

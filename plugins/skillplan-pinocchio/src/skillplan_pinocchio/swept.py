@@ -20,7 +20,12 @@ from pydantic import Field
 from skillplan.collision.detector import Detector
 from skillplan.collision.hulls import Hull, HullRole, HullScene
 from skillplan.collision.solid import intersect
-from skillplan.physics.linear_motions import LinearMotion, describe_too_wide, find_jaw_faults
+from skillplan.physics.linear_motions import (
+    LinearMotion,
+    describe_too_wide,
+    find_jaw_faults,
+    plan_linear_motions,
+)
 from skillplan.physics.performance import PlannedMotion
 from skillplan.task import back_end
 from skillplan.task.back_end import RemovedDwell
@@ -272,6 +277,7 @@ class SweptDetector(Detector):
     def __init__(self, task: Task, options: Options | None = None) -> None:
         super().__init__(task, options)
         self._swept_motions: dict[tuple[str, int], SweptMotion] = {}
+        self._approaches: dict[tuple[str, int], SweptMotion] = {}
         self._durations_s: dict[tuple[str, int, str], float | None] = {}
 
     def refuses(self) -> str | None:
@@ -305,12 +311,28 @@ class SweptDetector(Detector):
         if skill.motion is None and "holder" not in skill.parameters:
             return Verdict.feasible(facts.none, facts.none)
         present, absent = self._circumstances(skill, state)
+        early = self.refuse_early(skill, state)
+        if early is not None:
+            return early
         key = (skill.name, present)
         if key not in self._swept_motions:
             self._swept_motions[key] = self._swept_motion(skill, state)
         return VerdictInState(state, present, absent, lambda: self.paths.stand(state)).on(
             self._swept_motions[key]
         )
+
+    def refuse_early(self, skill: Skill, state: State) -> Verdict | None:
+        """Return the refusal by a sweep of the hand alone, without joint paths, or None."""
+        if skill.motion is None and "holder" not in skill.parameters:
+            return None
+        present, absent = self._circumstances(skill, state)
+        key = (skill.name, present)
+        if key not in self._approaches:
+            self._approaches[key] = self._first_approach(skill, state)
+        verdict = VerdictInState(state, present, absent, lambda: self.paths.stand(state)).on(
+            self._approaches[key]
+        )
+        return None if verdict.is_feasible else verdict
 
     def duration_s(self, skill: Skill, state: State) -> float | None:
         """Return the duration within the arm's limits [s]; see :meth:`BackEnd.duration_s`.
@@ -416,11 +438,24 @@ class SweptDetector(Detector):
             )
         return present, absent
 
-    def _swept_motion(self, skill: Skill, state: State) -> SweptMotion:
-        words = describe_too_wide(self.task.scene, self._robot, skill)
-        words = words or describe_no_hold(self.task.scene, self._robot, skill)
+    def _first_approach(self, skill: Skill, state: State) -> SweptMotion:
+        """Return what hand and load meet on the first approach, if the arm reaches its target."""
+        words = self._describe_no_grip(skill)
         if words is not None:
             return SweptMotion((Collision(None, words, {}),), ())
+        if skill.motion is None:
+            return SweptMotion((), ())
+        motion = plan_linear_motions(self.task, skill, state, self.options.drop_height_m)[0]
+        if not self.paths.planner.can_reach(motion):
+            return SweptMotion((), ())
+        return SweptMotion(self._builder.approach(motion), ())
+
+    def _describe_no_grip(self, skill: Skill) -> str | None:
+        scene, robot = self.task.scene, self._robot
+        words = describe_too_wide(scene, robot, skill)
+        return words or describe_no_hold(scene, robot, skill)
+
+    def _swept_motion(self, skill: Skill, state: State) -> SweptMotion:
         if skill.motion is None:
             part, holder = skill.parameters["part"], skill.parameters["holder"]
             if skill.kind == "release":

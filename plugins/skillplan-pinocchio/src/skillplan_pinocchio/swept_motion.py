@@ -135,6 +135,7 @@ class SweptMotionBuilder:
         self.sweeps = sweeps
         self.travels = travels
         self.check_support = check_support
+        self._approaches: dict[LinearMotion, tuple[Collision, ...]] = {}
 
     def build(self, motions: Sequence[ArmMotion]) -> SweptMotion:
         """Return the swept motion of a skill from its planned motions."""
@@ -150,9 +151,7 @@ class SweptMotionBuilder:
                 }
                 events.append(Collision(None, planned.unreachable.reason, evidence))
                 return SweptMotion(tuple(events), tuple(supports), tuple(stops))
-            events += self._clash(motion)
-            for stretch in self.sweeps.approach(motion):
-                events += self._collisions(stretch)
+            events += self.approach(motion)
             events += self._links(planned, index)
             for stretch in self.sweeps.retreat(motion):
                 events += self._collisions(stretch)
@@ -162,6 +161,14 @@ class SweptMotionBuilder:
                     stops.append(self._stops(motion))
         travels = None if self.travels is None else self.travels(motions)
         return SweptMotion(tuple(events), tuple(supports), tuple(stops), travels)
+
+    def approach(self, motion: LinearMotion) -> tuple[Collision, ...]:
+        """Return the collisions of hand and load up to the target, in any state."""
+        if motion not in self._approaches:
+            stretches = self.sweeps.approach(motion)
+            collisions = [hit for stretch in stretches for hit in self._collisions(stretch)]
+            self._approaches[motion] = (*self._clash(motion), *collisions)
+        return self._approaches[motion]
 
     def _collisions(self, sweeps: Iterable[Sweep]) -> list[Collision]:
         """Return the collisions of any state, in the order of the motion."""

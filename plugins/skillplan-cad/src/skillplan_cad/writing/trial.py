@@ -288,6 +288,12 @@ def _try_one(
     """Return why the arm cannot bring a part or drive a screw, or None."""
     state: State = feasibility.task.facts.of(*facts)
     kinds: tuple[str, ...] = ("fasten",) if f"fasten({name})" in skills else ("pick", "place")
+    if "pick" in kinds and skills[f"pick({name})"].applicable(state):
+        # Without paths of the arm for each grasp, which take a hundred times as long.
+        place, held = skills[f"place({name})"], skills[f"pick({name})"].prediction.apply(state)
+        refusal = feasibility.refuse_early(place, held) if place.applicable(held) else None
+        if refusal is not None:
+            return Failure(f"place: {refusal.reason}", is_far=False)
     for kind in kinds:
         skill = skills[f"{kind}({name})"]
         if not skill.applicable(state):
