@@ -20,7 +20,7 @@ from skillplan.cli.options.shared import (
     solver_option,
     time_limit_option,
 )
-from skillplan.cli.options.values import count_option, positive_number
+from skillplan.cli.options.values import count_option, option, positive_number
 from skillplan.cli.writing import tell
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -45,17 +45,15 @@ def command(
     *,
     within: Annotated[
         float,
-        typer.Option(
-            "--within",
+        option(
+            "--within M",
+            TASK,
+            "Greatest shift of a place along x and along y, in metres.",
             parser=positive_number(_MOST_SHIFT_M),
-            metavar="M",
-            help="Greatest shift of a place along x and along y, in metres.",
-            rich_help_panel=TASK,
         ),
     ] = 0.2,
     solver: Annotated[
-        str | None,
-        solver_option("Solver of all tasks. Default: the choice of the kind of task."),
+        str | None, solver_option("Solver of all tasks. Default: the choice of the kind of task.")
     ] = None,
     back_ends: BackEnds,
     checking: Checking,
@@ -70,16 +68,14 @@ def command(
         ),
     ] = _TRIES,
     time_limit_s: Annotated[
-        float | None,
-        time_limit_option("Stop after S seconds with the advice found so far."),
+        float | None, time_limit_option("Stop after S seconds with the advice found so far.")
     ] = None,
     out: Annotated[
         str | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="Save the advice as FILE.json, which 'skillplan report' shows. FILE must be new.",
-            rich_help_panel=OUTPUT,
+        option(
+            "--out FILE",
+            OUTPUT,
+            "Save the advice as FILE.json, which 'skillplan report' shows. FILE must be new.",
         ),
     ] = None,
     style: Style = "table",

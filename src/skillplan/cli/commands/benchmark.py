@@ -17,7 +17,7 @@ from skillplan.cli.options.shared import (
     Style,
     time_limit_option,
 )
-from skillplan.cli.options.values import count_option, split_names
+from skillplan.cli.options.values import count_option, option, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.benchmark.instances import Instance
@@ -38,21 +38,14 @@ class Selection:
     """The instances that take part."""
 
     suites: Annotated[
-        str | None,
-        typer.Option(
-            "--suite",
-            metavar="A,B",
-            help="Suites, separated by commas. Default: all.",
-            rich_help_panel=INSTANCES,
-        ),
+        str | None, option("--suite A,B", INSTANCES, "Suites, separated by commas. Default: all.")
     ] = None
     only: Annotated[
         str | None,
-        typer.Option(
-            "--only",
-            metavar="PATTERNS",
-            help="Instances whose names match one of several patterns, such as 'board-1*,walk-*'.",
-            rich_help_panel=INSTANCES,
+        option(
+            "--only PATTERNS",
+            INSTANCES,
+            "Instances whose names match one of several patterns, such as 'board-1*,walk-*'.",
         ),
     ] = None
 
@@ -68,28 +61,27 @@ class Instead:
 
     listing: Annotated[
         bool,
-        typer.Option(
+        option(
             "--list",
-            help="List instances, their optima and who proved them, and noise floors.",
-            rich_help_panel=INSTANCES,
+            INSTANCES,
+            "List instances, their optima and who proved them, and noise floors.",
         ),
     ] = False
     check: Annotated[
         str | None,
-        typer.Option(
-            "--check",
-            metavar="FILE",
-            help="Execute the plans and policies of a submission again, and refuse false rows.",
-            rich_help_panel=OUTPUT,
+        option(
+            "--check FILE",
+            OUTPUT,
+            "Execute the plans and policies of a submission again, and refuse false rows.",
         ),
     ] = None
     prove: Annotated[
         bool,
-        typer.Option(
+        option(
             "--prove",
-            help="Prove the optima again by two codes, measure noise floors, and print the data "
+            INSTANCES,
+            "Prove the optima again by two codes, measure noise floors, and print the data "
             "of one kind of task.",
-            rich_help_panel=INSTANCES,
         ),
     ] = False
 
@@ -135,12 +127,11 @@ def command(
     jobs: Jobs = 1,
     out: Annotated[
         str | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="Write a submission: all results with their plans, as .json. A file of the same "
+        option(
+            "--out FILE",
+            OUTPUT,
+            "Write a submission: all results with their plans, as .json. A file of the same "
             "benchmark is continued.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None,
     style: Style = "table",

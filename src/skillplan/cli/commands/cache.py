@@ -19,7 +19,7 @@ from skillplan.cli.options.shared import (
     TaskFile,
     Workers,
 )
-from skillplan.cli.options.values import count_option
+from skillplan.cli.options.values import count_option, option
 from skillplan.cli.writing import tell
 
 HELP = """Show, verify, fill and clear the verdicts kept on disk.
@@ -67,12 +67,7 @@ def verify(
     workers: Workers,
     sample: Annotated[
         int,
-        count_option(
-            "--sample",
-            minimum=1,
-            maximum=1_000_000,
-            text="Number of verdicts to check.",
-        ),
+        count_option("--sample", minimum=1, maximum=1_000_000, text="Number of verdicts to check."),
     ] = 10,
     elsewhere: Annotated[
         bool,
@@ -193,9 +188,7 @@ def fill(
 
 def clear(
     task: MaybeTaskFile = None,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask for confirmation.", rich_help_panel=OUTPUT)
-    ] = False,
+    yes: Annotated[bool, option("--yes", OUTPUT, "Do not ask for confirmation.")] = False,
     style: Style = "table",
 ) -> int:
     """Remove all kept verdicts, or only the verdicts for the task named TASK.

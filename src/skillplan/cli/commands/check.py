@@ -9,6 +9,7 @@ import typer
 from skillplan.cli.load import load_file, make_setup, name_back_ends, open_cache
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.shared import OUTPUT, BackEnds, Caching, CommandLimits, Reading, Style
+from skillplan.cli.options.values import option
 from skillplan.errors import OptionError
 
 
@@ -30,11 +31,10 @@ def command(
     style: Style = "table",
     picture: Annotated[
         str | None,
-        typer.Option(
-            "--picture",
-            metavar="FILE.png",
-            help="Of a robot or tool alone: draw the arm at home, or the tool.",
-            rich_help_panel=OUTPUT,
+        option(
+            "--picture FILE.png",
+            OUTPUT,
+            "Of a robot or tool alone: draw the arm at home, or the tool.",
         ),
     ] = None,
 ) -> int:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-import typer
-
 from skillplan.cli.load import load_file, make_setup
 from skillplan.cli.options.completion import plugin_lists
 from skillplan.cli.options.shared import (
@@ -21,7 +19,7 @@ from skillplan.cli.options.shared import (
     TaskFile,
     Workers,
 )
-from skillplan.cli.options.values import count_option, split_names
+from skillplan.cli.options.values import count_option, option, split_names
 
 COMPARED = "Compared"
 
@@ -32,43 +30,39 @@ def command(
     *,
     solvers: Annotated[
         str | None,
-        typer.Option(
-            "--solvers",
-            metavar="A,B,C",
+        option(
+            "--solvers A,B,C",
+            COMPARED,
+            "Solvers, separated by commas; for a chain also heads=monte-carlo+base=sarsa.",
             autocompletion=plugin_lists("solver"),
-            help="Solvers, separated by commas; for a chain also heads=monte-carlo+base=sarsa.",
-            rich_help_panel=COMPARED,
         ),
     ] = None,
     detectors: Annotated[
         str | None,
-        typer.Option(
-            "--detectors",
-            metavar="A,B,C",
-            autocompletion=plugin_lists("collision"),
-            help="Instead of solvers: collision detectors, tried on executions known to be "
+        option(
+            "--detectors A,B,C",
+            COMPARED,
+            "Instead of solvers: collision detectors, tried on executions known to be "
             "right or wrong.",
-            rich_help_panel=COMPARED,
+            autocompletion=plugin_lists("collision"),
         ),
     ] = None,
     engines: Annotated[
         str | None,
-        typer.Option(
-            "--engines",
-            metavar="A,B",
-            autocompletion=plugin_lists("physics"),
-            help="Instead of solvers: physics engines, compared on every skill in every state that "
+        option(
+            "--engines A,B",
+            COMPARED,
+            "Instead of solvers: physics engines, compared on every skill in every state that "
             "they can reach.",
-            rich_help_panel=COMPARED,
+            autocompletion=plugin_lists("physics"),
         ),
     ] = None,
     pictures: Annotated[
         str | None,
-        typer.Option(
-            "--pictures",
-            metavar="DIR",
-            help="For --engines: draw every contradiction into DIR, by each engine that draws.",
-            rich_help_panel=COMPARED,
+        option(
+            "--pictures DIR",
+            COMPARED,
+            "For --engines: draw every contradiction into DIR, by each engine that draws.",
         ),
     ] = None,
     staged: Annotated[
@@ -88,10 +82,8 @@ def command(
     audit: Audit = None,
     warm: Annotated[
         bool,
-        typer.Option(
-            "--warm",
-            help="Let solvers use verdicts stored on disk; the title shows this.",
-            rich_help_panel=BACK_ENDS,
+        option(
+            "--warm", BACK_ENDS, "Let solvers use verdicts stored on disk; the title shows this."
         ),
     ] = False,
     limits: Limits,

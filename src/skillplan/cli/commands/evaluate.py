@@ -22,7 +22,7 @@ from skillplan.cli.options.shared import (
     TimeLimit,
     task_option,
 )
-from skillplan.cli.options.values import count_option, positive_number
+from skillplan.cli.options.values import count_option, option, positive_number
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
@@ -39,10 +39,10 @@ TaskOfResult = Annotated[
 ]
 ChangedTask = Annotated[
     bool,
-    typer.Option(
+    option(
         "--changed-task",
-        help="Evaluate although the task has changed since it was solved or learned.",
-        rich_help_panel=OF_RESULT,
+        OF_RESULT,
+        "Evaluate although the task has changed since it was solved or learned.",
     ),
 ]
 
@@ -53,30 +53,27 @@ class Replayed:
 
     sequence: Annotated[
         str | None,
-        typer.Option(
-            "--sequence",
-            metavar="0,1,4,...",
-            help="Action numbers or skill names, separated by commas, or @FILE with a plan: CSV, "
+        option(
+            "--sequence 0,1,4,...",
+            OF_TASK,
+            "Action numbers or skill names, separated by commas, or @FILE with a plan: CSV, "
             "JSON, the plan of a PDDL planner or a behaviour tree.",
-            rich_help_panel=OF_TASK,
         ),
     ] = None
     policy_file: Annotated[
         str | None,
-        typer.Option(
-            "--policy",
-            metavar="FILE",
-            help="Follow the policy of a policies.json, or of the folder that contains it.",
-            rich_help_panel=OF_TASK,
+        option(
+            "--policy FILE",
+            OF_TASK,
+            "Follow the policy of a policies.json, or of the folder that contains it.",
         ),
     ] = None
     start: Annotated[
         str | None,
-        typer.Option(
-            "--from",
-            metavar="PLACE",
-            help="Start elsewhere: at a place such as C20, or with facts separated by commas.",
-            rich_help_panel=OF_TASK,
+        option(
+            "--from PLACE",
+            OF_TASK,
+            "Start elsewhere: at a place such as C20, or with facts separated by commas.",
         ),
     ] = None
 
@@ -97,13 +94,12 @@ class RollOuts:
     ] = 100
     temperature: Annotated[
         float | None,
-        typer.Option(
-            "--temperature",
-            parser=positive_number(),
-            metavar="T",
-            help="Sample in proportion to exp(score / T) instead of by the policy's own rule: for "
+        option(
+            "--temperature T",
+            OF_RUN,
+            "Sample in proportion to exp(score / T) instead of by the policy's own rule: for "
             "ppo T = 1, for dqn its final epsilon.",
-            rich_help_panel=OF_RUN,
+            parser=positive_number(),
         ),
     ] = None
     layouts: Annotated[
@@ -321,13 +317,7 @@ def _replay(
         with stoppable(time_limit_s, label="proving the optimum") as stop:
             known = Plan(tuple(skill.name for skill in skills), replayed.cost)
             best = solve(
-                task,
-                DEFAULT_SOLVER,
-                setup,
-                stop=stop,
-                cache=cache,
-                jobs=checking.jobs,
-                start=known,
+                task, DEFAULT_SOLVER, setup, stop=stop, cache=cache, jobs=checking.jobs, start=known
             )
     evaluation = Evaluation(task, skills, replayed, best)
     emit(

@@ -18,7 +18,7 @@ from skillplan.cli.options.shared import (
     PartReading,
     Style,
 )
-from skillplan.cli.options.values import count_option
+from skillplan.cli.options.values import count_option, option
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -61,21 +61,19 @@ def command(
     caching: Caching,
     after: Annotated[
         str | None,
-        typer.Option(
-            "--after",
-            metavar="0,1,...",
-            help="Sequence before the state, or @FILE with one. Default: the initial state.",
-            rich_help_panel=TASK,
+        option(
+            "--after 0,1,...",
+            TASK,
+            "Sequence before the state, or @FILE with one. Default: the initial state.",
         ),
     ] = None,
     result: Annotated[
         str | None,
-        typer.Option(
-            "--from",
-            metavar="RESULT",
-            help=f"Take the sequence from a result of TASK, {RESULT_HELP}. Uses the changes and "
+        option(
+            "--from RESULT",
+            TASK,
+            f"Take the sequence from a result of TASK, {RESULT_HELP}. Uses the changes and "
             "back ends stored in it unless options override them.",
-            rich_help_panel=TASK,
         ),
     ] = None,
     step: Annotated[
@@ -90,31 +88,27 @@ def command(
     ] = None,
     last: Annotated[
         bool,
-        typer.Option(
+        option(
             "--last",
-            help="Explain SKILL after all other parts and screws are at their goals. No sequence "
+            TASK,
+            "Explain SKILL after all other parts and screws are at their goals. No sequence "
             "need lead there.",
-            rich_help_panel=TASK,
         ),
     ] = False,
     picture: Annotated[
         str | None,
-        typer.Option(
-            "--picture",
-            metavar="FILE",
-            help="Draw the moment of failure, or the end, as .png if the physics moves bodies, or "
+        option(
+            "--picture FILE",
+            OUTPUT,
+            "Draw the moment of failure, or the end, as .png if the physics moves bodies, or "
             "else the hulls that a detector such as swept compares. An existing file is "
             "replaced.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None,
     animate: Annotated[
         str | None,
-        typer.Option(
-            "--animate",
-            metavar="FILE",
-            help="Film the whole skill as .gif. An existing file is replaced.",
-            rich_help_panel=OUTPUT,
+        option(
+            "--animate FILE", OUTPUT, "Film the whole skill as .gif. An existing file is replaced."
         ),
     ] = None,
     style: Style = "table",
@@ -183,10 +177,10 @@ def command(
 
 
 def _refuse_options_of_tasks(file: str, options: Mapping[str, object]) -> None:
-    for option, value in options.items():
+    for flag, value in options.items():
         if value is not None:
             raise OptionError(
-                f"{option} needs a task, and {file} is the relation of a product. Name its "
+                f"{flag} needs a task, and {file} is the relation of a product. Name its "
                 "product.yaml instead."
             )
 

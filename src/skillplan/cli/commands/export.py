@@ -20,6 +20,7 @@ from skillplan.cli.options.shared import (
     Reading,
     ResultReading,
 )
+from skillplan.cli.options.values import option
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.exporters.exporter import Exporter, TrainedPolicy
@@ -44,22 +45,20 @@ def command(
     ],
     to: Annotated[
         str,
-        typer.Option(
-            "--to",
-            metavar="FORMAT",
+        option(
+            "--to FORMAT",
+            OUTPUT,
+            "Format, such as csv; 'skillplan plugins exporter' lists them.",
             autocompletion=plugin_names("exporter"),
-            help="Format, such as csv; 'skillplan plugins exporter' lists them.",
-            rich_help_panel=OUTPUT,
             show_default=False,
         ),
     ],
     out: Annotated[
         str,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="New file; a format with several files writes them into a folder of this name.",
-            rich_help_panel=OUTPUT,
+        option(
+            "--out FILE",
+            OUTPUT,
+            "New file; a format with several files writes them into a folder of this name.",
             show_default=False,
         ),
     ],
@@ -68,21 +67,15 @@ def command(
     checking: Checking,
     sequence: Annotated[
         str | None,
-        typer.Option(
-            "--sequence",
-            metavar="0,1,4,...",
-            help="Plan of TASK: action numbers or skill names, separated by commas, or @FILE with "
+        option(
+            "--sequence 0,1,4,...",
+            TASK,
+            "Plan of TASK: action numbers or skill names, separated by commas, or @FILE with "
             "a plan. RESULT contains its own plan.",
-            rich_help_panel=TASK,
         ),
     ] = None,
     derived: Annotated[
-        bool,
-        typer.Option(
-            "--derived",
-            help="Has no effect; kept for older scripts.",
-            rich_help_panel=OUTPUT,
-        ),
+        bool, option("--derived", OUTPUT, "Has no effect; kept for older scripts.")
     ] = False,
 ) -> int:
     """Export a task, a plan of it, or a trained policy to the formats of other tools.

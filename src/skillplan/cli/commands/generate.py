@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from skillplan import __version__
 from skillplan.cli.options.shared import OUTPUT, TASK, Seed
-from skillplan.cli.options.values import Probabilities, count_option, fraction, probabilities
+from skillplan.cli.options.values import (
+    Probabilities,
+    count_option,
+    fraction,
+    option,
+    probabilities,
+)
 
 HELP = """Write task files at random, of a kind: for studies of scale.
 
@@ -25,13 +29,12 @@ def assembly(
     ],
     density: Annotated[
         float,
-        typer.Option(
-            "--density",
-            parser=fraction,
-            metavar="D",
-            help="Share of all pairs of parts that the chart orders, including implied pairs: 0 "
+        option(
+            "--density D",
+            TASK,
+            "Share of all pairs of parts that the chart orders, including implied pairs: 0 "
             "for no chart, 1 for a single order.",
-            rich_help_panel=TASK,
+            parser=fraction,
         ),
     ],
     tools: Annotated[
@@ -47,44 +50,28 @@ def assembly(
     ] = 1,
     seed: Seed = 0,
     name: Annotated[
-        str,
-        typer.Option(
-            "--name",
-            metavar="NAME",
-            help="Name of the task. Default: from the other options.",
-            rich_help_panel=TASK,
-        ),
+        str, option("--name NAME", TASK, "Name of the task. Default: from the other options.")
     ] = "",
     failures: Annotated[
         Probabilities | None,
-        typer.Option(
-            "--failures",
-            parser=probabilities,
-            metavar="P:Q",
-            help="Smallest and largest probability that a grasp fails, such as 0.1:0.4; the arm "
+        option(
+            "--failures P:Q",
+            TASK,
+            "Smallest and largest probability that a grasp fails, such as 0.1:0.4; the arm "
             "then goes home before it tries again. Default: no grasp fails.",
-            rich_help_panel=TASK,
+            parser=probabilities,
         ),
     ] = None,
     failing_share: Annotated[
         float,
-        typer.Option(
-            "--failing-share",
+        option(
+            "--failing-share S",
+            TASK,
+            "Share of the parts whose grasp may fail, with --failures.",
             parser=fraction,
-            metavar="S",
-            help="Share of the parts whose grasp may fail, with --failures.",
-            rich_help_panel=TASK,
         ),
     ] = 1.0,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="New file. Default: stdout.",
-            rich_help_panel=OUTPUT,
-        ),
-    ] = None,
+    out: Annotated[str | None, option("--out FILE", OUTPUT, "New file. Default: stdout.")] = None,
 ) -> int:
     """Write an assembly task with N parts to be picked and placed, with a hand-made chart.
 

@@ -8,6 +8,7 @@ import typer
 
 from skillplan.cli.options.completion import example_names, plugin_names
 from skillplan.cli.options.shared import OUTPUT
+from skillplan.cli.options.values import option
 
 
 def command(
@@ -28,15 +29,7 @@ def command(
             help="Start from a whole cell, such as gearbox, pcb or pump, with its meshes.",
         ),
     ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="New file. Default: stdout.",
-            rich_help_panel=OUTPUT,
-        ),
-    ] = None,
+    out: Annotated[str | None, option("--out FILE", OUTPUT, "New file. Default: stdout.")] = None,
 ) -> int:
     """Write a commented, valid task file of KIND as a starting point."""
     import shlex

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from skillplan.cli.options.shared import OUTPUT, CommandLimits
-from skillplan.cli.options.values import one_of, positive_number
+from skillplan.cli.options.shared import OUTPUT, CommandLimits, Style
+from skillplan.cli.options.values import one_of, option, positive_number
 
 PART = "Part"
 SIZES = "Sizes"
@@ -18,9 +18,7 @@ _KINDS = ("nest", "nut", "jaws")
 
 def _size(flag: str, text: str) -> object:
     """Return an option with a length."""
-    return typer.Option(
-        flag, parser=positive_number(), metavar="MM", help=text, rich_help_panel=SIZES
-    )
+    return option(f"{flag} MM", SIZES, text, parser=positive_number())
 
 
 def command(
@@ -35,75 +33,64 @@ def command(
     ],
     out: Annotated[
         str,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="New or empty folder for the output files.",
-            rich_help_panel=OUTPUT,
-            show_default=False,
+        option(
+            "--out DIR", OUTPUT, "New or empty folder for the output files.", show_default=False
         ),
     ],
     *,
     limits: CommandLimits,
     unit: Annotated[
         str | None,
-        typer.Option(
-            "--unit",
-            metavar="UNIT",
-            help="Unit of meshes: um, mm, cm, m, inch or foot. STEP and 3MF state theirs.",
-            rich_help_panel=PART,
+        option(
+            "--unit UNIT",
+            PART,
+            "Unit of meshes: um, mm, cm, m, inch or foot. STEP and 3MF state theirs.",
         ),
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            "--only",
-            metavar="PATTERN",
-            help="Part whose name fits PATTERN; several are one sub-assembly. Repeatable. Default: "
+        option(
+            "--only PATTERN",
+            PART,
+            "Part whose name fits PATTERN; several are one sub-assembly. Repeatable. Default: "
             "all parts.",
-            rich_help_panel=PART,
         ),
     ] = None,
     up: Annotated[
         Literal["x", "y", "z", "-x", "-y", "-z"],
-        typer.Option(
-            "--up",
+        option(
+            "--up AXIS",
+            PART,
+            "Axis of the file that points up: x, y, z, -x, -y or -z. The part comes from above.",
             parser=one_of(_UPS),
-            metavar="AXIS",
-            help="Axis of the file that points up: x, y, z, -x, -y or -z. The part comes from "
-            "above.",
-            rich_help_panel=PART,
         ),
     ] = "z",
     kind: Annotated[
         Literal["nest", "nut", "jaws"],
-        typer.Option(
-            "--kind",
-            parser=one_of(_KINDS),
-            metavar="KIND",
-            help="nest: a block with a pocket; nut: one that must keep the part from turning; "
+        option(
+            "--kind KIND",
+            PART,
+            "nest: a block with a pocket; nut: one that must keep the part from turning; "
             "jaws: two soft jaws for a parallel gripper.",
-            rich_help_panel=PART,
+            parser=one_of(_KINDS),
         ),
     ] = "nest",
     free: Annotated[
         list[str] | None,
-        typer.Option(
-            "--free",
-            metavar="X0,Y0,X1,Y1[,Z]",
-            help="Rectangle that stays open for fingers or screws, from height Z upwards or "
+        option(
+            "--free X0,Y0,X1,Y1[,Z]",
+            PART,
+            "Rectangle that stays open for fingers or screws, from height Z upwards or "
             "through the base, in mm of the file turned by --up. Repeatable.",
-            rich_help_panel=PART,
         ),
     ] = None,
     closing: Annotated[
         Literal["x", "y", "z"] | None,
-        typer.Option(
-            "--closing",
+        option(
+            "--closing AXIS",
+            PART,
+            "Axis of the file along which jaws close. Default: x.",
             parser=one_of(_UPS[:3]),
-            metavar="AXIS",
-            help="Axis of the file along which jaws close. Default: x.",
-            rich_help_panel=PART,
         ),
     ] = None,
     clearance: Annotated[
@@ -111,12 +98,7 @@ def command(
     ] = 0.2,
     draft: Annotated[
         float,
-        typer.Option(
-            "--draft",
-            metavar="DEGREES",
-            help="Angle by which walls lean outwards, 0 to 45 degrees.",
-            rich_help_panel=SIZES,
-        ),
+        option("--draft DEGREES", SIZES, "Angle by which walls lean outwards, 0 to 45 degrees."),
     ] = 1.0,
     depth: Annotated[
         float | None,
@@ -133,25 +115,15 @@ def command(
     ] = 0.5,
     pin: Annotated[
         float | None,
-        typer.Option(
-            "--pin",
-            metavar="MM",
-            help="Diameter of the pins beneath overhangs of a part that would tip; 0 for no pins. "
+        option(
+            "--pin MM",
+            SIZES,
+            "Diameter of the pins beneath overhangs of a part that would tip; 0 for no pins. "
             "Default: 4.",
-            rich_help_panel=SIZES,
         ),
     ] = None,
     gap: Annotated[float | None, _size("--gap", "Distance of closed jaws. Default: 2.")] = None,
-    style: Annotated[
-        Literal["table", "json", "csv", "md"],
-        typer.Option(
-            "--format",
-            parser=one_of(("table", "json", "csv", "md")),
-            metavar="FORMAT",
-            help="Output format: table, json, csv or md. json prints nest.json.",
-            rich_help_panel=OUTPUT,
-        ),
-    ] = "table",
+    style: Style = "table",
 ) -> int:
     """Cut a nest for a part, and check it by rays.
 

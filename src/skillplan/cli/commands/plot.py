@@ -23,7 +23,7 @@ from skillplan.cli.options.shared import (
     Seed,
     solver_option,
 )
-from skillplan.cli.options.values import count_option, one_of, parse_options, split_names
+from skillplan.cli.options.values import count_option, one_of, option, parse_options, split_names
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint
 from skillplan.views.figures.catalogue import (
@@ -72,23 +72,21 @@ class Solving:
 
 States = Annotated[
     str | None,
-    typer.Option(
-        "--states",
-        metavar="NAMES",
-        help="For q-values: places such as --states C66,C13, or facts that each hold in one state, "
+    option(
+        "--states NAMES",
+        OUTPUT,
+        "For q-values: places such as --states C66,C13, or facts that each hold in one state, "
         "such as --states 'held(pcb)'. Default: the first states of the path.",
-        rich_help_panel=OUTPUT,
     ),
 ]
 Against = Annotated[
     Literal["steps", "episodes"],
-    typer.Option(
-        "--against",
-        parser=one_of(("steps", "episodes")),
-        metavar="AXIS",
-        help="Horizontal axis for a RUN: environment steps, which are equal for all runs, or "
+    option(
+        "--against AXIS",
+        OUTPUT,
+        "Horizontal axis for a RUN: environment steps, which are equal for all runs, or "
         "episodes, as in the paper.",
-        rich_help_panel=OUTPUT,
+        parser=one_of(("steps", "episodes")),
     ),
 ]
 
@@ -100,22 +98,17 @@ class FigureFile:
     dpi: Annotated[
         int,
         count_option(
-            "--dpi",
-            minimum=30,
-            maximum=600,
-            text="Dots per inch of a PNG.",
-            rich_help_panel=OUTPUT,
+            "--dpi", minimum=30, maximum=600, text="Dots per inch of a PNG.", rich_help_panel=OUTPUT
         ),
     ] = 150
     out: Annotated[
         str | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="File to write: .png or .svg, .dot for precedence, .gif for exploded (a film). "
+        option(
+            "--out FILE",
+            OUTPUT,
+            "File to write: .png or .svg, .dot for precedence, .gif for exploded (a film). "
             "Default: TASK-FIGURE.png in the current folder, or FIGURE.png and FIGURE.svg in RUN. "
             "An existing file is replaced.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None
 

@@ -16,6 +16,7 @@ from skillplan.cli.options.shared import (
     ResultReading,
     Seed,
 )
+from skillplan.cli.options.values import option
 
 
 def command(
@@ -32,13 +33,7 @@ def command(
     *,
     out: Annotated[
         str,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="The page, .html; must be a new file.",
-            rich_help_panel=OUTPUT,
-            show_default=False,
-        ),
+        option("--out FILE", OUTPUT, "The page, .html; must be a new file.", show_default=False),
     ],
     reading: ResultReading,
     back_ends: BackEnds,
@@ -46,10 +41,10 @@ def command(
     limits: CommandLimits,
     no_simulation: Annotated[
         bool,
-        typer.Option(
+        option(
             "--no-simulation",
-            help="Do not simulate plans: play the arm along its planned paths, without forces.",
-            rich_help_panel=BACK_ENDS,
+            BACK_ENDS,
+            "Do not simulate plans: play the arm along its planned paths, without forces.",
         ),
     ] = False,
 ) -> int:

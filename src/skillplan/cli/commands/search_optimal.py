@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from skillplan.cli.load import load_file, make_setup, open_cache
 from skillplan.cli.options.shared import (
     LIMITS,
@@ -22,7 +20,7 @@ from skillplan.cli.options.shared import (
     TaskFile,
     solver_option,
 )
-from skillplan.cli.options.values import fraction, split_names
+from skillplan.cli.options.values import fraction, option, split_names
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -43,13 +41,12 @@ def command(
     seed: Seed = 0,
     start: Annotated[
         str | None,
-        typer.Option(
-            "--start",
-            metavar="RESULT|0,1,...",
-            help="Start from a known plan: a result.json or its folder, a sequence, or @FILE. It "
+        option(
+            "--start RESULT|0,1,...",
+            SOLVER,
+            "Start from a known plan: a result.json or its folder, a sequence, or @FILE. It "
             "is replayed on TASK, which may have changed; if it holds, the result costs no "
             "more.",
-            rich_help_panel=SOLVER,
         ),
     ] = None,
     back_ends: BackEnds,
@@ -59,34 +56,30 @@ def command(
     limits: Limits,
     gap: Annotated[
         float,
-        typer.Option(
-            "--gap",
+        option(
+            "--gap G",
+            LIMITS,
+            "Relative gap between cost and lower bound at which the search stops, from 0 to 1.",
             parser=fraction,
-            metavar="G",
-            help="Relative gap between cost and lower bound at which the search stops, from 0 to "
-            "1.",
-            rich_help_panel=LIMITS,
         ),
     ] = 0.0,
     pareto: Annotated[
         str | None,
-        typer.Option(
-            "--pareto",
-            metavar="A,B",
-            help="Prove the Pareto front of two costs: distance, time, or the file's own cost, "
+        option(
+            "--pareto A,B",
+            SOLVER,
+            "Prove the Pareto front of two costs: distance, time, or the file's own cost, "
             "wear, energy. --out saves its points and a picture. Takes no --solver, --start, "
             "--gap.",
-            rich_help_panel=SOLVER,
         ),
     ] = None,
     out: Annotated[
         str | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Save plan.csv, policies.json (learners only) and result.json to DIR. DIR must "
+        option(
+            "--out DIR",
+            OUTPUT,
+            "Save plan.csv, policies.json (learners only) and result.json to DIR. DIR must "
             "be new or left over from an interrupted search.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None,
     style: Style = "table",

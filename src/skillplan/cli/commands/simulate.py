@@ -20,7 +20,7 @@ from skillplan.cli.options.shared import (
     ResultReading,
     Style,
 )
-from skillplan.cli.options.values import positive_number
+from skillplan.cli.options.values import option, positive_number
 
 if TYPE_CHECKING:  # --help pays for no imports
     from contextlib import AbstractContextManager
@@ -47,92 +47,74 @@ def command(
     limits: CommandLimits,
     sequence: Annotated[
         str | None,
-        typer.Option(
-            "--sequence",
-            metavar="0,1,4,...",
-            help="The plan of TASK: action numbers or skill names, separated by commas, or "
+        option(
+            "--sequence 0,1,4,...",
+            TASK,
+            "The plan of TASK: action numbers or skill names, separated by commas, or "
             "@FILE with a plan. RESULT contains its own plan.",
-            rich_help_panel=TASK,
         ),
     ] = None,
     physics: Annotated[
         str | None,
-        typer.Option(
-            "--physics",
-            metavar="NAME",
-            autocompletion=engine_names,
-            help="Engine that moves bodies, or auto: pybullet if it is installed, else mujoco. "
+        option(
+            "--physics NAME",
+            BACK_ENDS,
+            "Engine that moves bodies, or auto: pybullet if it is installed, else mujoco. "
             "Default: the task file's choice, or else auto.",
-            rich_help_panel=BACK_ENDS,
+            autocompletion=engine_names,
         ),
     ] = None,
     options: Annotated[
         list[str] | None,
-        typer.Option(
-            "-O",
-            metavar="KEY=VALUE",
-            autocompletion=plugin_options,
-            help="Option of the engine, or of the detector that judges contacts, as "
+        option(
+            "-O KEY=VALUE",
+            BACK_ENDS,
+            "Option of the engine, or of the detector that judges contacts, as "
             "PLUGIN.KEY=VALUE; 'skillplan plugins KIND NAME' lists them. May be repeated.",
-            rich_help_panel=BACK_ENDS,
+            autocompletion=plugin_options,
         ),
     ] = None,
     video: Annotated[
         str | None,
-        typer.Option(
-            "--video",
-            metavar="FILE",
-            help="Film the simulation as .gif or .mp4; an existing file is replaced.",
-            rich_help_panel=OUTPUT,
+        option(
+            "--video FILE",
+            OUTPUT,
+            "Film the simulation as .gif or .mp4; an existing file is replaced.",
         ),
     ] = None,
     fps: Annotated[
         float,
-        typer.Option(
-            "--fps",
-            parser=positive_number(50),
-            metavar="N",
-            help="Pictures per second of the video.",
-            rich_help_panel=OUTPUT,
-        ),
+        option("--fps N", OUTPUT, "Pictures per second of the video.", parser=positive_number(50)),
     ] = 12.5,
     speed: Annotated[
         float,
-        typer.Option(
-            "--speed",
+        option(
+            "--speed X",
+            OUTPUT,
+            "Simulated seconds per second of the video.",
             parser=positive_number(1000),
-            metavar="X",
-            help="Simulated seconds per second of the video.",
-            rich_help_panel=OUTPUT,
         ),
     ] = 1.0,
     trace: Annotated[
         str | None,
-        typer.Option(
-            "--trace",
-            metavar="FILE",
-            help="Write the poses of hand and bodies as .csv, 60 rows per simulated second; an "
+        option(
+            "--trace FILE",
+            OUTPUT,
+            "Write the poses of hand and bodies as .csv, 60 rows per simulated second; an "
             "existing file is replaced.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None,
     camera: Annotated[
         str | None,
-        typer.Option(
-            "--camera",
-            metavar="ANGLE",
-            help="View of the film: front, side, top, or AZIMUTH,ELEVATION,DISTANCE in degrees and "
+        option(
+            "--camera ANGLE",
+            OUTPUT,
+            "View of the film: front, side, top, or AZIMUTH,ELEVATION,DISTANCE in degrees and "
             "m; arm and board are in the picture. Default: from a corner.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None,
     labels: Annotated[
-        bool,
-        typer.Option(
-            "--labels",
-            help="Show name tags of bodies, feeders and docks in the film.",
-            rich_help_panel=OUTPUT,
-        ),
+        bool, option("--labels", OUTPUT, "Show name tags of bodies, feeders and docks in the film.")
     ] = False,
     style: Style = "table",
 ) -> int:

@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
 from skillplan.cli.load import load_file, make_setup
 from skillplan.cli.options.completion import plugin_names
 from skillplan.cli.options.shared import (
@@ -23,7 +21,7 @@ from skillplan.cli.options.shared import (
     Workers,
     solver_option,
 )
-from skillplan.cli.options.values import count_option, one_of, split_names
+from skillplan.cli.options.values import count_option, one_of, option, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
@@ -58,23 +56,21 @@ class Study:
 
     starts: Annotated[
         str | None,
-        typer.Option(
-            "--starts",
-            metavar="A,B,C",
-            help="Starts: places such as C20, or facts joined by +. Default: the start of the "
+        option(
+            "--starts A,B,C",
+            STUDY,
+            "Starts: places such as C20, or facts joined by +. Default: the start of the "
             "task. A policy is learned once and answers from all starts.",
-            rich_help_panel=STUDY,
         ),
     ] = None
     design: Annotated[
         Literal["one-at-a-time", "grid"],
-        typer.Option(
-            "--design",
-            parser=one_of(_DESIGNS),
-            metavar="DESIGN",
-            help="one-at-a-time varies one option while the others stay at the centre; grid takes "
+        option(
+            "--design DESIGN",
+            STUDY,
+            "one-at-a-time varies one option while the others stay at the centre; grid takes "
             "all combinations.",
-            rich_help_panel=STUDY,
+            parser=one_of(_DESIGNS),
         ),
     ] = "one-at-a-time"
     runs: Annotated[
@@ -95,13 +91,12 @@ class Sampling:
 
     sampler: Annotated[
         str | None,
-        typer.Option(
-            "--sampler",
-            metavar="NAME",
-            autocompletion=plugin_names("sampler"),
-            help="Plugin that chooses the settings from earlier trials, such as optuna from "
+        option(
+            "--sampler NAME",
+            STUDY,
+            "Plugin that chooses the settings from earlier trials, such as optuna from "
             "skillplan-optuna. Needs --out; cannot be resumed bit for bit.",
-            rich_help_panel=STUDY,
+            autocompletion=plugin_names("sampler"),
         ),
     ] = None
     trials: Annotated[
@@ -117,13 +112,12 @@ class Sampling:
     ] = 50
     minimise: Annotated[
         Literal["cost", "steps", "seconds"],
-        typer.Option(
-            "--minimise",
-            parser=one_of(_AIMS),
-            metavar="WHAT",
-            help="With --sampler: cost, steps or seconds (of learning), as the mean of the runs "
+        option(
+            "--minimise WHAT",
+            STUDY,
+            "With --sampler: cost, steps or seconds (of learning), as the mean of the runs "
             "that reach the goal. The share of runs that fail always counts first.",
-            rich_help_panel=STUDY,
+            parser=one_of(_AIMS),
         ),
     ] = "cost"
 
@@ -134,30 +128,28 @@ class Output:
 
     out: Annotated[
         str | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Write manifest.json, runs.jsonl, sweep.json and starts.csv to a new folder; with "
+        option(
+            "--out DIR",
+            OUTPUT,
+            "Write manifest.json, runs.jsonl, sweep.json and starts.csv to a new folder; with "
             "--sampler trials.jsonl, sweep.json and starts.csv, also to a folder of the same "
             "study.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None
     resume: Annotated[
         bool,
-        typer.Option(
+        option(
             "--resume",
-            help="Continue the study in the folder of --out; always on with --sampler.",
-            rich_help_panel=OUTPUT,
+            OUTPUT,
+            "Continue the study in the folder of --out; always on with --sampler.",
         ),
     ] = False
     plot: Annotated[
         str | None,
-        typer.Option(
-            "--plot",
-            metavar="FILE",
-            help="Also draw a figure with a panel per varied option, as .png or .svg.",
-            rich_help_panel=OUTPUT,
+        option(
+            "--plot FILE",
+            OUTPUT,
+            "Also draw a figure with a panel per varied option, as .png or .svg.",
         ),
     ] = None
 
@@ -173,10 +165,7 @@ def command(
     workers: Workers,
     back_ends: BackEnds,
     warm: Annotated[
-        bool,
-        typer.Option(
-            "--warm", help="Let runs use verdicts stored on disk.", rich_help_panel=BACK_ENDS
-        ),
+        bool, option("--warm", BACK_ENDS, "Let runs use verdicts stored on disk.")
     ] = False,
     output: Output,
     style: Style = "table",
@@ -273,12 +262,7 @@ def _run_sampler(
     """Run a study whose settings a sampler chooses."""
     from skillplan.cli.interruption import counting
     from skillplan.cli.options.values import parse_options
-    from skillplan.sweep.parameter_study import (
-        do_sampled,
-        make_sampler,
-        open_trials,
-        plan_sampled,
-    )
+    from skillplan.sweep.parameter_study import do_sampled, make_sampler, open_trials, plan_sampled
 
     name, output = sampling.sampler, request.output
     assert name is not None

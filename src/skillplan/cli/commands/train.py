@@ -23,7 +23,7 @@ from skillplan.cli.options.shared import (
     Workers,
     solver_option,
 )
-from skillplan.cli.options.values import count_option, positive_seconds, whole_number
+from skillplan.cli.options.values import count_option, option, positive_seconds, whole_number
 
 TRAINING = "Training"
 
@@ -93,12 +93,11 @@ class Amount:
     ] = 1_000
     start: Annotated[
         str | None,
-        typer.Option(
-            "--from",
-            metavar="RUN",
-            help="Start from the networks of an earlier training of the same learner, on this or "
+        option(
+            "--from RUN",
+            TRAINING,
+            "Start from the networks of an earlier training of the same learner, on this or "
             "another task. Skills and features with the same name keep their weights.",
-            rich_help_panel=TRAINING,
         ),
     ] = None
 
@@ -111,15 +110,14 @@ def command(
     amount: Amount,
     family: Annotated[
         str | None,
-        typer.Option(
-            "--family",
-            parser=parse_family,
-            metavar="N|generated:A-B",
-            help="Train on N layouts drawn from the family of the task file, 1 to 10,000, with a "
+        option(
+            "--family N|generated:A-B",
+            TRAINING,
+            "Train on N layouts drawn from the family of the task file, 1 to 10,000, with a "
             "new layout in every episode. Or, without TASK, train on random boards of A to B "
             "parts, such as 'skillplan generate assembly' writes: --solver relational then learns "
             "one policy for all boards.",
-            rich_help_panel=TRAINING,
+            parser=parse_family,
         ),
     ] = None,
     solver: Annotated[
@@ -131,13 +129,12 @@ def command(
     ] = "dqn",
     preset: Annotated[
         str | None,
-        typer.Option(
-            "--preset",
-            metavar="NAME",
-            help="Set the learner's options by a preset; -O and --steps override it. dqn: "
+        option(
+            "--preset NAME",
+            TRAINING,
+            "Set the learner's options by a preset; -O and --steps override it. dqn: "
             "moller-strict, the DQN of Moller et al. with skrl's defaults, or moller, a variant "
             "nearer to their results. 'skillplan plugins solver NAME' lists presets.",
-            rich_help_panel=TRAINING,
         ),
     ] = None,
     seed: Seed = 0,
@@ -148,31 +145,29 @@ def command(
     limits: CommandLimits,
     proof_time_limit_s: Annotated[
         float,
-        typer.Option(
-            "--proof-time-limit",
+        option(
+            "--proof-time-limit S",
+            LIMITS,
+            "Stop proving the optimum after S seconds.",
             parser=positive_seconds,
-            metavar="S",
-            help="Stop proving the optimum after S seconds.",
-            rich_help_panel=LIMITS,
         ),
     ] = 60.0,
     out: Annotated[
         str | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder of the runs; must be new or empty. Default: the first of "
+        option(
+            "--out DIR",
+            OUTPUT,
+            "Folder of the runs; must be new or empty. Default: the first of "
             "runs/TASK-SOLVER-1, -2, ... that does not exist.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None,
     resume: Annotated[
         bool,
-        typer.Option(
+        option(
             "--resume",
-            help="Continue the training in the folder of --out. A larger --steps extends it; "
+            OUTPUT,
+            "Continue the training in the folder of --out. A larger --steps extends it; "
             "schedules, such as that of exploration, stay at their final values.",
-            rich_help_panel=OUTPUT,
         ),
     ] = False,
     style: Style = "table",

@@ -14,6 +14,7 @@ from skillplan.cli.options.shared import (
     task_option,
     time_limit_option,
 )
+from skillplan.cli.options.values import option
 
 
 def command(
@@ -34,39 +35,36 @@ def command(
     ] = None,
     warm: Annotated[
         bool,
-        typer.Option(
+        option(
             "--warm",
-            help="Use verdicts kept on disk instead of querying back ends again. The verification "
+            BACK_ENDS,
+            "Use verdicts kept on disk instead of querying back ends again. The verification "
             "then trusts these verdicts.",
-            rich_help_panel=BACK_ENDS,
         ),
     ] = False,
     time_limit_s: Annotated[
-        float,
-        time_limit_option("Skip proofs that would exceed S seconds in total."),
+        float, time_limit_option("Skip proofs that would exceed S seconds in total.")
     ] = 60.0,
     memory_limit_bytes: Annotated[
-        int | None,
-        memory_limit_option("Skip proofs that would exceed this memory in total"),
+        int | None, memory_limit_option("Skip proofs that would exceed this memory in total")
     ] = None,
     referee: Annotated[
         str | None,
-        typer.Option(
-            "--with",
-            metavar="REFEREE",
-            help="Check the claims about all plans with another planner, too: fast-downward, "
+        option(
+            "--with REFEREE",
+            BACK_ENDS,
+            "Check the claims about all plans with another planner, too: fast-downward, "
             "which gets only PDDL (needs the extra planner). If its proof contradicts the "
             "result, the exit code is 3.",
-            rich_help_panel=BACK_ENDS,
         ),
     ] = None,
     verbose: Annotated[
         bool,
-        typer.Option(
+        option(
             "--verbose",
-            help="Show all claims with the method of each check, the back ends with their "
+            OUTPUT,
+            "Show all claims with the method of each check, the back ends with their "
             "options, and what could not be checked.",
-            rich_help_panel=OUTPUT,
         ),
     ] = False,
     style: Style = "table",

@@ -22,6 +22,7 @@ from skillplan.cli.options.values import (
     count_option,
     memory_size,
     one_of,
+    option,
     positive_seconds,
     whole_number,
 )
@@ -50,32 +51,23 @@ TaskFile = Annotated[
 ]
 RESULT_HELP = "a result.json of search-optimal, or its folder"
 ResultFile = Annotated[
-    str,
-    typer.Argument(metavar="RESULT", help=f"{RESULT_HELP.capitalize()}.", show_default=False),
+    str, typer.Argument(metavar="RESULT", help=f"{RESULT_HELP.capitalize()}.", show_default=False)
 ]
 MaybeTaskFile = Annotated[
-    str | None,
-    typer.Argument(metavar="TASK", autocompletion=task_files, help="A task file."),
+    str | None, typer.Argument(metavar="TASK", autocompletion=task_files, help="A task file.")
 ]
 Style = Annotated[
     Literal["table", "json", "csv", "md"],
-    typer.Option(
-        "--format",
+    option(
+        "--format FORMAT",
+        OUTPUT,
+        "Output format: table, json, csv or md. json contains everything in one document.",
         parser=one_of(FORMATS),
-        metavar="FORMAT",
-        help="Output format: table, json, csv or md. json contains everything in one document.",
-        rich_help_panel=OUTPUT,
     ),
 ]
 Seed = Annotated[
     int,
-    typer.Option(
-        "--seed",
-        parser=whole_number(0, _MOST_SEED),
-        metavar="N",
-        help="Seed of all random numbers.",
-        rich_help_panel=SOLVER,
-    ),
+    option("--seed N", SOLVER, "Seed of all random numbers.", parser=whole_number(0, _MOST_SEED)),
 ]
 Jobs = Annotated[
     int,
@@ -89,12 +81,11 @@ Jobs = Annotated[
 ]
 ExecutorName = Annotated[
     str,
-    typer.Option(
-        "--executor",
-        metavar="NAME[:ADDRESS]",
+    option(
+        "--executor NAME[:ADDRESS]",
+        BACK_ENDS,
+        "Where workers run: local, or ray[:ADDRESS] for a Ray cluster (needs skillplan-ray).",
         autocompletion=plugin_names("executor"),
-        help="Where workers run: local, or ray[:ADDRESS] for a Ray cluster (needs skillplan-ray).",
-        rich_help_panel=BACK_ENDS,
     ),
 ]
 Audit = Annotated[
@@ -111,12 +102,12 @@ Audit = Annotated[
 ]
 NoScreening = Annotated[
     bool,
-    typer.Option(
+    option(
         "--no-screening",
-        help="Let a physics engine check everything. By default geometry is checked first (by "
+        BACK_ENDS,
+        "Let a physics engine check everything. By default geometry is checked first (by "
         "swept, if it is installed), and only a sample of the skills that it refuses is "
         "executed.",
-        rich_help_panel=BACK_ENDS,
     ),
 ]
 
@@ -139,12 +130,11 @@ class Reading:
 
     changes: Annotated[
         list[str],
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Override KEY of the task file, such as base.goal_choice or parts.pcb.mass_kg. "
+        option(
+            "--set KEY=VALUE",
+            TASK,
+            "Override KEY of the task file, such as base.goal_choice or parts.pcb.mass_kg. "
             "May be repeated.",
-            rich_help_panel=TASK,
         ),
     ] = field(default_factory=list)
 
@@ -176,21 +166,13 @@ class PartReading(Reading):
     """
 
     part: Annotated[
-        str | None,
-        typer.Option(
-            "--part",
-            metavar="NAME",
-            help="Name of one task of a chain, such as base-1.",
-            rich_help_panel=TASK,
-        ),
+        str | None, option("--part NAME", TASK, "Name of one task of a chain, such as base-1.")
     ] = None
 
 
 def task_option(text: str, panel: str = TASK) -> Any:
     """Return the option ``--task``, the task file of a result or run; `text` is its help."""
-    return typer.Option(
-        "--task", metavar="FILE", autocompletion=task_files, help=text, rich_help_panel=panel
-    )
+    return option("--task FILE", panel, text, autocompletion=task_files)
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,36 +211,33 @@ class BackEnds:
 
     physics: Annotated[
         str | None,
-        typer.Option(
-            "--physics",
-            metavar="NAME",
-            autocompletion=engine_names,
-            help="Physics engine, or auto: pybullet if it is installed, or else mujoco. Default: "
+        option(
+            "--physics NAME",
+            BACK_ENDS,
+            "Physics engine, or auto: pybullet if it is installed, or else mujoco. Default: "
             "the task file's choice, or else kinematic.",
-            rich_help_panel=BACK_ENDS,
+            autocompletion=engine_names,
         ),
     ] = None
     collision: Annotated[
         str | None,
-        typer.Option(
-            "--collision",
-            metavar="NAMES",
-            autocompletion=plugin_lists("collision"),
-            help="Collision detectors, separated by commas. Default: the task file's choice, or "
+        option(
+            "--collision NAMES",
+            BACK_ENDS,
+            "Collision detectors, separated by commas. Default: the task file's choice, or "
             "else swept if it is installed, or else aabb. A chart of the task file is checked "
             "in addition; precedence alone checks the chart and no geometry.",
-            rich_help_panel=BACK_ENDS,
+            autocompletion=plugin_lists("collision"),
         ),
     ] = None
     options: Annotated[
         list[str],
-        typer.Option(
-            "-O",
-            metavar="KEY=VALUE",
-            autocompletion=plugin_options,
-            help="Option of the solver, or of any plugin as PLUGIN.KEY=VALUE; 'skillplan plugins "
+        option(
+            "-O KEY=VALUE",
+            BACK_ENDS,
+            "Option of the solver, or of any plugin as PLUGIN.KEY=VALUE; 'skillplan plugins "
             "KIND NAME' lists them. May be repeated.",
-            rich_help_panel=BACK_ENDS,
+            autocompletion=plugin_options,
         ),
     ] = field(default_factory=list)
 
@@ -268,12 +247,7 @@ class Caching:
     """Use of the verdicts kept on disk."""
 
     no_cache: Annotated[
-        bool,
-        typer.Option(
-            "--no-cache",
-            help="Neither read nor write verdicts kept on disk.",
-            rich_help_panel=BACK_ENDS,
-        ),
+        bool, option("--no-cache", BACK_ENDS, "Neither read nor write verdicts kept on disk.")
     ] = False
 
 
@@ -295,23 +269,16 @@ LIMITS = "Limits"
 
 def time_limit_option(text: str) -> Any:
     """Return the option ``--time-limit``; `text` is its help."""
-    return typer.Option(
-        "--time-limit",
-        parser=positive_seconds,
-        metavar="S",
-        help=text,
-        rich_help_panel=LIMITS,
-    )
+    return option("--time-limit S", LIMITS, text, parser=positive_seconds)
 
 
 def memory_limit_option(text: str) -> Any:
     """Return the option ``--memory-limit``; its help is `text` and the form of a size."""
-    return typer.Option(
-        "--memory-limit",
+    return option(
+        "--memory-limit SIZE",
+        LIMITS,
+        f"{text}, such as 2GiB or 512MiB; 64MiB at least.",
         parser=memory_size,
-        metavar="SIZE",
-        help=f"{text}, such as 2GiB or 512MiB; 64MiB at least.",
-        rich_help_panel=LIMITS,
     )
 
 
@@ -375,12 +342,11 @@ class Limits:
     time_limit_s: TimeLimit = None
     stall_s: Annotated[
         float | None,
-        typer.Option(
-            "--stall",
+        option(
+            "--stall S",
+            LIMITS,
+            "Stop once there is a plan and neither cost nor bound has improved for S seconds.",
             parser=positive_seconds,
-            metavar="S",
-            help="Stop once there is a plan and neither cost nor bound has improved for S seconds.",
-            rich_help_panel=LIMITS,
         ),
     ] = None
     memory_limit_bytes: Annotated[

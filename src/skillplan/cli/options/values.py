@@ -27,6 +27,24 @@ _UNITS = {
 _SIZE = re.compile(r"(\d+(?:\.\d+)?) ?([A-Za-z]*)", re.ASCII)
 
 
+def option(form: str, panel: str, text: str, **details: Any) -> Any:
+    """Return an option of the command line.
+
+    Parameters
+    ----------
+    form
+        The flag and its value as the help shows them, such as ``--out FILE``.
+    panel
+        Heading of the help under which it stands.
+    text
+        Help text.
+    details
+        Keywords of `typer.Option`.
+    """
+    flag, _, metavar = form.partition(" ")
+    return typer.Option(flag, metavar=metavar or None, help=text, rich_help_panel=panel, **details)
+
+
 def count_option(*flags: str, minimum: int, maximum: int, text: str, **details: Any) -> Any:
     """Return an option that takes a whole number N.
 
