@@ -503,87 +503,104 @@ class _Grounding:
 
     def _build_buffered(self, name: str, buffers: Sequence[str]) -> Iterator[Skill]:
         """Yield the skills of a part with buffers, with a pick for each of its grasps."""
-        config = self.config
-        part = config.parts[name]
         holds = [
             f"grasp({name}.{hold})" if hold else None
-            for hold in vocabulary.name_holds(config, name)
+            for hold in vocabulary.name_holds(self.config, name)
         ]
         given = [fact for fact in holds if fact is not None]
-        above = [n for n in config.moved_parts if name in self.beneath[n]]
-        has_tool = vocabulary.name_attached(config, part.tool)
-        looks = name in vocabulary.list_missed_parts(config)
-        for index, (pick, buffer, _) in enumerate(vocabulary.list_picks(config, name)):
-            visits = list_buffer_visits(config, name, buffer, Event.GRASP)
-            number = index % len(holds)
-            hold, visit = holds[number], visits[number]
-            start = vocabulary.name_start(config, name) if buffer is None else f"{name}.{buffer}"
-            lies = f"at_start({name})" if buffer is None else f"in_buffer({name}.{buffer})"
-            ends_at = start if hold is None else pick
-            yield self._build_skill(
-                "pick",
-                pick,
-                requires=[lies, HAND_FREE, has_tool],
-                forbids=[f"at_start({other})" for other in above if buffer is None],
-                add=[f"held({name})", *([] if hold is None else [hold])],
-                delete=[lies, HAND_FREE],
-                ends_at=ends_at,
-                routes={None: [visit]},
-                parameters={"part": name, "tool": part.tool},
-                failure=part.grasp_failure,
-                failed_at=f"{name}.missed" if looks and buffer is None else start,
-                supply=find_supply(config, name) if buffer is None else None,
-            )
+        for number, pick in enumerate(vocabulary.list_picks(self.config, name)):
+            yield self._build_pick_by_hold(name, pick[0], pick[1], holds, number % len(holds))
         for buffer in buffers:
-            others = [
-                f"in_buffer({other}.{buffer})"
-                for other, named in vocabulary.list_buffered(config).items()
-                if other != name and buffer in named
-            ]
-            visits = list_buffer_visits(config, name, buffer, Event.RELEASE)
-            put = self._build_skill(
-                "place",
-                f"{name}.{buffer}",
-                requires=[f"held({name})", has_tool],
-                forbids=others,
-                add=[f"in_buffer({name}.{buffer})", HAND_FREE],
-                delete=[f"held({name})", *given],
-                ends_at=f"{name}.{buffer}",
-                routes={hold: [visit] for hold, visit in zip(holds, visits, strict=True)},
-                parameters={"part": name, "tool": part.tool, "buffer": buffer},
-                carries=name,
-            )
-            yield self._select_by(put, given)
-        for turn in list_insertion_orientations(config, name):
-            placed = [
-                turn_place_visit(config, visit, turn.motion)
-                for _, visit in list_place_visits(config, name)
-            ]
-            by_way = [
-                dict(zip(holds, placed[number :: len(placed) // len(holds)], strict=True))
-                for number in range(len(placed) // len(holds))
-            ]
-            labels = [
-                f"along {name_direction(direction)}" for direction in list_directions(config, name)
-            ]
-            place = self._build_skill(
-                "place",
-                f"{name}{turn.label}",
-                requires=[
-                    f"held({name})",
-                    has_tool,
-                    *self._list_works_before(name),
-                    *_list_fact(turn),
-                ],
-                add=[f"placed({name})", HAND_FREE],
-                delete=[f"held({name})", *given],
-                ends_at=f"{name}.goal{turn.label}",
-                routes={hold: [visit] for hold, visit in by_way[0].items()},
-                ways=list(zip(labels, by_way, strict=True)) if len(by_way) > 1 else (),
-                parameters={"part": name, "tool": part.tool},
-                carries=name,
-            )
-            yield self._select_by(place, given)
+            yield self._select_by(self._build_put(name, buffer, holds), given)
+        for turn in list_insertion_orientations(self.config, name):
+            yield self._select_by(self._build_place_by_hold(name, turn, holds), given)
+
+    def _build_pick_by_hold(
+        self,
+        name: str,
+        pick: str,
+        buffer: str | None,
+        holds: Sequence[str | None],
+        number: int,
+    ) -> Skill:
+        """Return the pick of a part with one of its grasps, from its start or a buffer."""
+        part, hold = self.config.parts[name], holds[number]
+        start = f"{name}.{buffer}"
+        lies, above, failed_at = f"in_buffer({start})", [], start
+        if buffer is None:
+            start = failed_at = vocabulary.name_start(self.config, name)
+            lies = f"at_start({name})"
+            above = [n for n in self.config.moved_parts if name in self.beneath[n]]
+            if name in vocabulary.list_missed_parts(self.config):
+                failed_at = f"{name}.missed"
+        return self._build_skill(
+            "pick",
+            pick,
+            requires=[lies, HAND_FREE, vocabulary.name_attached(self.config, part.tool)],
+            forbids=[f"at_start({other})" for other in above],
+            add=[f"held({name})", *([] if hold is None else [hold])],
+            delete=[lies, HAND_FREE],
+            ends_at=start if hold is None else pick,
+            routes={None: [list_buffer_visits(self.config, name, buffer, Event.GRASP)[number]]},
+            parameters={"part": name, "tool": part.tool},
+            failure=part.grasp_failure,
+            failed_at=failed_at,
+            supply=find_supply(self.config, name) if buffer is None else None,
+        )
+
+    def _build_put(self, name: str, buffer: str, holds: Sequence[str | None]) -> Skill:
+        """Return the skill that puts a part into a buffer."""
+        tool = self.config.parts[name].tool
+        others = [
+            f"in_buffer({other}.{buffer})"
+            for other, named in vocabulary.list_buffered(self.config).items()
+            if other != name and buffer in named
+        ]
+        visits = list_buffer_visits(self.config, name, buffer, Event.RELEASE)
+        return self._build_skill(
+            "place",
+            f"{name}.{buffer}",
+            requires=[f"held({name})", vocabulary.name_attached(self.config, tool)],
+            forbids=others,
+            add=[f"in_buffer({name}.{buffer})", HAND_FREE],
+            delete=[f"held({name})", *(fact for fact in holds if fact is not None)],
+            ends_at=f"{name}.{buffer}",
+            routes={hold: [visit] for hold, visit in zip(holds, visits, strict=True)},
+            parameters={"part": name, "tool": tool, "buffer": buffer},
+            carries=name,
+        )
+
+    def _build_place_by_hold(
+        self, name: str, turn: Orientation, holds: Sequence[str | None]
+    ) -> Skill:
+        """Return the placing of a part in an orientation, with a route for each grasp."""
+        config, tool = self.config, self.config.parts[name].tool
+        placed = [
+            turn_place_visit(config, visit, turn.motion)
+            for _, visit in list_place_visits(config, name)
+        ]
+        count = len(placed) // len(holds)
+        by_way = [dict(zip(holds, placed[number::count], strict=True)) for number in range(count)]
+        labels = [
+            f"along {name_direction(direction)}" for direction in list_directions(config, name)
+        ]
+        return self._build_skill(
+            "place",
+            f"{name}{turn.label}",
+            requires=[
+                f"held({name})",
+                vocabulary.name_attached(config, tool),
+                *self._list_works_before(name),
+                *_list_fact(turn),
+            ],
+            add=[f"placed({name})", HAND_FREE],
+            delete=[f"held({name})", *(fact for fact in holds if fact is not None)],
+            ends_at=f"{name}.goal{turn.label}",
+            routes={hold: [visit] for hold, visit in by_way[0].items()},
+            ways=list(zip(labels, by_way, strict=True)) if count > 1 else (),
+            parameters={"part": name, "tool": tool},
+            carries=name,
+        )
 
     def _select_by(self, skill: Skill, holds: Sequence[str]) -> Skill:
         """Return a skill that is applicable only with one of several grasps, if there are some."""

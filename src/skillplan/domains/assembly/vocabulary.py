@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from skillplan.domains.assembly.holding import name_side
@@ -119,8 +120,58 @@ def list_tool_labels(owner: PartConfig | ScrewConfig) -> list[tuple[str, str]]:
 
 def list_facts(config: AssemblyConfig) -> Facts:
     """Return the facts of the task with their exclusive groups."""
+    moved = config.moved_parts
+    options = {part: list_place_options(config, part) for part in moved}
+    parts = [
+        f"{fact}({name})"
+        for name, part in config.parts.items()
+        for fact in (("placed",) if part.fixed else ("at_start", "held", "placed"))
+    ]
+    screws = [f"fastened({screw})" for screw in config.screws]
+    works = [name_work(config, name)[1] for name in config.works]
+    tools = [name_attached(config, tool) for tool in config.carriers]
+    if allows_bare_hand(config):
+        tools.append(NO_TOOL)
+    stands = [f"at({place})" for place in dict.fromkeys(_list_places(config, options))]
+    buffered = {
+        part: [f"in_buffer({part}.{buffer})" for buffer in buffers]
+        for part, buffers in list_buffered(config).items()
+    }
+    holds = {
+        part: [f"grasp({part}.{hold})" for hold in name_holds(config, part) if hold]
+        for part in buffered
+    }
+    located = {
+        part: [f"at_goal({part}{option.label})" for option in goals]
+        for part, goals in options.items()
+        if len(goals) > 1
+    }
+    devices = _list_device_facts(config)
+    # Members of a sub-assembly are bodies by themselves until it is joined, and then it exists.
+    single = [f"single({member})" for member in config.joined_in]
+    apart = [f"apart({p})" for p, part in moved.items() if part.made_of]
+    standing = [name for name, screw in config.screws.items() if screw.start_m is not None]
+    fixed = [FIXED] if config.fixtures else []
+    more = [fact for facts in (*buffered.values(), *holds.values(), *devices) for fact in facts]
+    more += [*single, *apart, *(f"at_start({name})" for name in standing)]
+    where = [fact for facts in located.values() for fact in facts]
+    return Facts(
+        (*parts, *screws, *works, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more, *where),
+        (
+            (HAND_FREE, *(f"held({part})" for part in moved)),
+            tuple(tools),
+            tuple(stands),
+            *_list_whereabouts(config, options, buffered, located),
+            *((f"at_start({name})", f"fastened({name})") for name in standing),
+            *(tuple(group) for group in holds.values() if len(group) > 1),
+            *devices,
+        ),
+    )
+
+
+def _list_places(config: AssemblyConfig, options: Mapping[str, Sequence[PlaceOption]]) -> list[str]:
+    """Return the places at which the arm may end a skill, some of them twice."""
     places = [HOME]
-    options = {part: list_place_options(config, part) for part in config.moved_parts}
     for part, goals in options.items():
         own = (
             f"{option.place}{orientation.label}"
@@ -139,78 +190,42 @@ def list_facts(config: AssemblyConfig) -> Facts:
     ]
     places += config.works
     places += [f"{part}.missed" for part in list_missed_parts(config)]
-    places += [name_turn_stand(config, name) for name in config.workholders]
-    parts = [
-        f"{fact}({name})"
-        for name, part in config.parts.items()
-        for fact in (("placed",) if part.fixed else ("at_start", "held", "placed"))
-    ]
-    screws = [f"fastened({screw})" for screw in config.screws]
-    works = [name_work(config, name)[1] for name in config.works]
-    tools = [name_attached(config, tool) for tool in config.carriers]
-    if allows_bare_hand(config):
-        tools.append(NO_TOOL)
-    stands = [f"at({place})" for place in dict.fromkeys(places)]
-    moved = config.moved_parts
-    held = tuple(f"held({part})" for part in moved)
-    buffered = {
-        part: [f"in_buffer({part}.{buffer})" for buffer in buffers]
-        for part, buffers in list_buffered(config).items()
-    }
-    # Members of a sub-assembly are bodies by themselves until it is joined, and then it exists.
-    single = [f"single({member})" for member in config.joined_in]
-    apart = [f"apart({p})" for p, part in moved.items() if part.made_of]
+    return places + [name_turn_stand(config, name) for name in config.workholders]
+
+
+def _list_whereabouts(
+    config: AssemblyConfig,
+    options: Mapping[str, Sequence[PlaceOption]],
+    buffered: Mapping[str, Sequence[str]],
+    located: Mapping[str, Sequence[str]],
+) -> list[tuple[str, ...]]:
+    """Return the exclusive facts about the place of each part, and about what fills each place."""
     whereabouts: list[tuple[str, ...]] = [
         (
             *([f"apart({p})"] if part.made_of else []),
             *(f"at_start({p})", f"held({p})", f"placed({p})", *buffered.get(p, ())),
         )
-        for p, part in moved.items()
+        for p, part in config.moved_parts.items()
         if len(list_interchangeable(config, p)) == 1
     ]
-    fixed = [FIXED] if config.fixtures else []
-    holds = {
-        part: [f"grasp({part}.{hold})" for hold in name_holds(config, part) if hold]
-        for part in buffered
-    }
-    located = {
-        part: [f"at_goal({part}{option.label})" for option in goals]
-        for part, goals in options.items()
-        if len(goals) > 1
-    }
+    whereabouts += [(f"at_start({p})", f"held({p})", *facts) for p, facts in located.items()]
     filled: dict[str, list[str]] = {}
     for part in located:
         for option in options[part]:
             filled.setdefault(option.done, []).append(f"at_goal({part}{option.label})")
-    whereabouts += [(f"at_start({p})", f"held({p})", *facts) for p, facts in located.items()]
-    whereabouts += [tuple(facts) for facts in filled.values() if len(facts) > 1]
-    where = [fact for facts in located.values() for fact in facts]
-    more = [fact for facts in (*buffered.values(), *holds.values()) for fact in facts]
+    return whereabouts + [tuple(facts) for facts in filled.values() if len(facts) > 1]
+
+
+def _list_device_facts(config: AssemblyConfig) -> list[tuple[str, ...]]:
+    """Return the exclusive facts about each workholder and then each holder."""
     turned = [
         tuple(name_turned(name, orientation) for orientation in entry.orientations)
         for name, entry in config.workholders.items()
     ]
-    holding = [
+    return turned + [
         (*(name_holding(name, part) for part in holder.parts), name_open(name))
         for name, holder in config.holders.items()
     ]
-    more += [fact for group in (*turned, *holding) for fact in group]
-    more += [*single, *apart]
-    standing = [name for name, screw in config.screws.items() if screw.start_m is not None]
-    more += [f"at_start({name})" for name in standing]
-    whereabouts += [(f"at_start({name})", f"fastened({name})") for name in standing]
-    return Facts(
-        (*parts, *screws, *works, *tools, HAND_FREE, CHANGED_TOOL, *stands, *fixed, *more, *where),
-        (
-            (HAND_FREE, *held),
-            tuple(tools),
-            tuple(stands),
-            *whereabouts,
-            *(tuple(group) for group in holds.values() if len(group) > 1),
-            *turned,
-            *holding,
-        ),
-    )
 
 
 def list_pick_places(config: AssemblyConfig, part: str) -> list[str]:
