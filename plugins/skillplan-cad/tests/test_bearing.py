@@ -72,6 +72,46 @@ def test_what_stands_by_itself_is_not_held():
     assert find_bearing(product, related(product), UP, holding=True).held == ()
 
 
+def bolted(**solids):
+    """Return supports of a product with bolts and nuts, without and with holders."""
+    product = product_of(**solids)
+    known = related(product)
+    return [find_bearing(product, known, UP, holding=holding) for holding in (False, True)]
+
+
+def test_a_nut_in_the_air_is_held_while_its_bolt_is_driven():
+    """It cannot be tightened against the plate, which is 20 mm above it."""
+    plate = box(0, 0, 30, 60, 60, 40) - rod(30, 30, 30, 4, 10)
+    legs = box(0, 0, 0, 5, 60, 30) + box(55, 0, 0, 60, 60, 30)
+    alone, held = bolted(
+        plate=plate + legs,
+        **{
+            "M8 bolt": rod(30, 30, 0, 4, 40) + rod(30, 30, 40, 7, 5),
+            "M8 nut": rod(30, 30, 3, 7, 6) - rod(30, 30, 3, 4, 6),
+        },
+    )
+    assert alone.undriven.keys() == {"M8 nut"}
+    assert held.undriven == {}
+    assert held.held == ("M8 nut",)
+
+
+def test_a_rod_is_held_while_its_nuts_are_driven():
+    walls = box(0, 0, 0, 10, 40, 40) + box(50, 0, 0, 60, 40, 40) + box(0, 0, 0, 60, 40, 5)
+    bore = rod(0, 0, 0, 5, 60).rotate([0, 90, 0]).translate([0, 20, 25])
+    nut = (rod(0, 0, 0, 9, 8) - rod(0, 0, 0, 4.6, 8)).rotate([0, 90, 0])
+    alone, held = bolted(
+        frame=walls - bore,
+        rod=rod(0, 0, 0, 5, 90).rotate([0, 90, 0]).translate([-15, 20, 25]),
+        **{
+            "M10 nut 1": nut.translate([-8, 20, 25]),
+            "M10 nut 2": nut.translate([60, 20, 25]),
+        },
+    )
+    assert "turns rod with it" in alone.undriven["M10 nut 1"].text
+    assert held.undriven == {}
+    assert held.held == ("rod",)
+
+
 FRAME = box(0, 0, 0, 60, 40, 40) - box(10, -1, 10, 50, 41, 41)
 LYING = rod(0, 0, 0, 5, 60).rotate([0, 90, 0]).translate([0, 20, 25])
 

@@ -307,6 +307,22 @@ def assembled(*solids):
     return build_task(parts, known, plan, bearing=bearing)
 
 
+@pytest.mark.slow
+def test_a_screw_next_to_a_wall_gets_a_bit_that_reaches_past_it():
+    """A driver is 36 mm wide above a bit of 40 mm; the wall is 50 mm higher than the head."""
+    hole = rod(22, 30, 0, 2, 30) + rod(60, 30, 0, 2, 30)
+    task = assembled(
+        ("block", box(0, 0, 0, 80, 60, 20) + box(0, 0, 20, 10, 60, 80) - hole),
+        ("lid", box(11, 10, 20, 70, 50, 26) - hole),
+        ("M4 screw", rod(22, 30, 10, 2, 16) + rod(22, 30, 26, 4, 4)),
+        ("M4 screw 2", rod(60, 30, 10, 2, 16) + rod(60, 30, 26, 4, 4)),
+    )
+    assert task.left_out == {}
+    tools = {name: screw["tool"] for name, screw in task.document["screws"].items()}
+    assert tools == {"M4_screw": "long_screwdriver", "M4_screw_2": "screwdriver"}
+    assert task.document["tools"]["long_screwdriver"]["bit_length_m"] == pytest.approx(0.1)
+
+
 def test_a_base_beyond_the_payload_stands_in_place_and_another_part_is_left_out():
     """9.5 kg, of which a panda carries 2.27 kg in its hand."""
     block = ("block", box(0, 0, 0, 70, 200, 86))

@@ -208,6 +208,7 @@ ASKEW = "hole_m: [0.4825, 0.0, 0.005], axis: [1, 0, 0]"
     [
         (UPRIGHT, 0.0084, None),
         (UPRIGHT, 0.0045, "the head of 'screw', 4.5 mm wide, falls into the hole in 'plate'"),
+        (UPRIGHT, 0.048, None),
         ("hole_m: [0.5, 0.0]", 0.0084, None),
         (UPRIGHT.replace("0.5", "0.517"), 0.0084, None),
         (UPRIGHT.replace("0.01]", "0.012]"), 0.0084, "the hole does not lie over the top"),

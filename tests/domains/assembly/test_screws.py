@@ -342,6 +342,17 @@ def test_a_nut_is_a_ring_that_a_socket_turns():
     assert "placed(base)" in task.skill("fasten(nut)").precondition.requires
 
 
+def test_a_thread_of_no_size_is_as_drawn():
+    content = nut(screws__nut__thread_m=0.0054, screws__nut__head_height_m=0.005)
+    content["screws"]["nut"]["head_diameter_m"] = 0.016 / math.sqrt(3)
+    del content["screws"]["nut"]["size"]
+    config = AssemblyConfig.model_validate(content)
+    assert [issue.message for issue in AssemblyDomain().issues(config)] == []
+    assert config.screws["nut"].describe() == "5.4 mm nut"
+    inner_m = min(math.hypot(*c[:2]) for s in config.screws["nut"].shapes for c in s.corners)
+    assert 0.0027 < inner_m < 0.0035
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -353,6 +364,7 @@ def test_a_nut_is_a_ring_that_a_socket_turns():
         ({"tools__spindle__model": "screwdriver_spindle"}, "a nut needs a socket"),
         ({"screws__nut__into": None}, "give 'into', the part with the bolt"),
         ({"screws__nut__length_m": 0.01}, "a nut has no shank"),
+        ({"screws__nut__thread_m": 0.0054}, "give 'size' instead, or 'head_diameter_m'"),
         ({"screws__nut__hole_m": [0.54, 0.0]}, "'base' has no bolt on its axis"),
         ({"screws__nut__torque_nm": 6.0}, "more than 'spindle' brings"),
         ({"tools__spindle__bit_diameter_m": 0.009}, "is no socket about 0.008 m"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations, product
 
@@ -35,6 +35,9 @@ _MAX_SHAPES = 1024
 _MOST_DENSITY_KG_M3 = 50_000.0
 # Ring about the head of a screw that is still on its part, in its radii.
 _FAR_RIM = 3.0
+# Radii of the ring on which a head rests, in radii of its rim; the second is within the flats of a
+# hexagon.
+_BEARING = (1.0, 0.8)
 # Start of a ray above the mouth of a hole [m].
 _FAR_M = 0.002
 
@@ -316,8 +319,8 @@ def _has_upright_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
         top_m = through.top_m(at_x_m, at_y_m)
         return -math.inf if top_m is None else top_m - z_m
 
-    return abs(rise_m(x_m, y_m)) <= TOUCH_M or _bears_rim(
-        [rise_m(x_m + dx_m, y_m + dy_m) for dx_m, dy_m in list_rim(screw)]
+    return abs(rise_m(x_m, y_m)) <= TOUCH_M or _bears_head(
+        screw, lambda dx_m, dy_m: rise_m(x_m + dx_m, y_m + dy_m)
     )
 
 
@@ -334,18 +337,26 @@ def _falls_in(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     return is_open(1.0) and not is_open(_FAR_RIM)
 
 
-def _bears_rim(rises_m: Sequence[float]) -> bool:
-    """Return True if the rim of a head rests on the part, and nowhere enters it.
+def _bears_head(screw: ScrewConfig, rise_m: Callable[[float, float], float]) -> bool:
+    """Return True if a head rests on the part, and its rim nowhere enters it.
 
-    A slot, or seams of convex pieces, may be beneath a sixth of the rim.
+    It rests on its rim, or on a ring within, of a boss that is narrower. A slot, or seams of convex
+    pieces, may be beneath a sixth of the ring.
 
     Parameters
     ----------
-    rises_m
-        Heights of the part's surface above the seat at equal steps round the rim [m].
+    rise_m
+        Function that returns the height of the part's surface above the seat, by the place from the
+        axis [m].
     """
-    rests = sum(abs(rise_m) <= TOUCH_M for rise_m in rises_m)
-    return max(rises_m) <= TOUCH_M and rests >= LEAST_RIM * len(rises_m)
+    rim = list_rim(screw)
+    for share in _BEARING:
+        rises_m = [rise_m(share * x_m, share * y_m) for x_m, y_m in rim]
+        if max(rises_m) > TOUCH_M:
+            return False
+        if sum(abs(rise_m) <= TOUCH_M for rise_m in rises_m) >= LEAST_RIM * len(rises_m):
+            return True
+    return False
 
 
 def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
@@ -362,8 +373,8 @@ def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     level = min(AXES.values(), key=lambda axis: abs(dot(axis, into)))
     across = unit(cross(into, level))
     other = cross(into, across)
-    return abs(rise_m(mouth)) <= TOUCH_M or _bears_rim(
-        [rise_m(plus(plus(mouth, across, x_m), other, y_m)) for x_m, y_m in list_rim(screw)]
+    return abs(rise_m(mouth)) <= TOUCH_M or _bears_head(
+        screw, lambda x_m, y_m: rise_m(plus(plus(mouth, across, x_m), other, y_m))
     )
 
 

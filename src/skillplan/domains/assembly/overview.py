@@ -221,10 +221,10 @@ def list_holding(config: AssemblyConfig) -> Overview:
 
 
 def list_screws(config: AssemblyConfig) -> Overview:
-    """Return how the screws with a size are driven, as text and JSON."""
+    """Return how the screws with a thread are driven, as text and JSON."""
     lines, entries = [], []
     for name, screw in config.screws.items():
-        if screw.size is None:
+        if not screw.diameter_m:
             continue
         driving = find_driving(config, name)
         into = f" into {' and '.join(screw.into_names)}" if screw.into else ""

@@ -73,6 +73,7 @@ def find_driving(config: AssemblyConfig, name: str) -> Driving:
     if pitch_m is None or engagement_m is None or speed_rpm is None:
         missing = [] if speed_rpm is not None else [f"tools.{screw.tool}.speed_rpm"]
         missing += [] if engagement_m is not None else [f"screws.{name}.length_m"]
+        missing += [] if pitch_m is not None else [f"screws.{name}.pitch_m"]
         source = f"the default, without {' and '.join(missing)}"
         return Driving(takes_s, engagement_m, source, is_computed=False)
     turns = engagement_m / pitch_m

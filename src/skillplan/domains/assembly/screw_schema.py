@@ -172,6 +172,12 @@ class ScrewConfig(Strict):
         exclude_if=is_absent,
         description="size of its thread; head, pitch and mass follow; left out: not stated",
     )
+    thread_m: Length | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="diameter of a thread that has none of these sizes, with 'head_diameter_m' and "
+        "'head_height_m', which no standard gives then [m]; left out: that of 'size'",
+    )
     head: Head | None = Field(
         None,
         exclude_if=is_absent,
@@ -277,8 +283,8 @@ class ScrewConfig(Strict):
 
     @property
     def diameter_m(self) -> float:
-        """Nominal diameter of the thread [m]; 0 without a size."""
-        return 0.0 if self.size is None else float(self.size[1:]) / 1e3
+        """Nominal diameter of the thread [m]; 0 if it is not modelled."""
+        return self.thread_m or 0.0 if self.size is None else float(self.size[1:]) / 1e3
 
     @property
     def thread_pitch_m(self) -> float | None:
@@ -300,7 +306,7 @@ class ScrewConfig(Strict):
     @property
     def flats_m(self) -> float | None:
         """Width across the flats of a hexagon [m]; None for other heads."""
-        if self.size is None or self.head not in HEXAGONS:
+        if not self.diameter_m or self.head not in HEXAGONS:
             return None
         return self.head_diameter_m * math.sqrt(3) / 2
 
@@ -321,11 +327,12 @@ class ScrewConfig(Strict):
         return Shank(self.diameter_m, self.length_m, (self.through, *self.into_names))
 
     def describe(self) -> str:
-        """Return its designation, such as ``M4 x 16 socket``; empty without a size."""
-        if self.size is None:
+        """Return its designation, such as ``M4 x 16 socket``; empty without a thread."""
+        if not self.diameter_m:
             return ""
+        size = self.size or f"{self.diameter_m * 1e3:g} mm"
         length = "" if self.length_m is None else f" x {self.length_m * 1e3:g}"
-        return f"{self.size}{length} {self.head or _DEFAULT_HEAD}"
+        return f"{size}{length} {self.head or _DEFAULT_HEAD}"
 
     @model_validator(mode="after")
     def _require_one_start(self) -> ScrewConfig:
@@ -336,7 +343,7 @@ class ScrewConfig(Strict):
     @model_validator(mode="after")
     def _require_size(self) -> ScrewConfig:
         for key in _THREAD_KEYS:
-            if self.size is None and getattr(self, key) is not None:
+            if not self.diameter_m and getattr(self, key) is not None:
                 raise Located("give 'size', too, such as M4.", key)
         if self.head == "nut":
             return self._check_nut()
@@ -358,10 +365,13 @@ class ScrewConfig(Strict):
     @model_validator(mode="after")
     def _take_standard(self) -> ScrewConfig:
         """Fill in the dimensions and the mass that follow from the size."""
-        if self.size is None:
+        if not self.diameter_m:
             return self
         kind = self.head or _DEFAULT_HEAD
         own = {"head_diameter_m", "head_height_m"} <= self.model_fields_set
+        if self.thread_m is not None and (self.size is not None or not own):
+            words = "give 'size' instead, or 'head_diameter_m' and 'head_height_m' with it."
+            raise Located(words, "thread_m")
         if self.size not in _HEADS_MM[kind] and not own:
             known = ", ".join(_HEADS_MM[kind])
             words = (

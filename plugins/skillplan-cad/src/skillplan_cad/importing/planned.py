@@ -382,7 +382,7 @@ def _find_left_out(
         [f"{name} is left out of the task: it {reason.text}." for name, reason in stuck.items()],
         "left_out",
     )
-    return without | stuck | list_loose_nuts(relation)
+    return without | stuck
 
 
 def _write_task(
@@ -437,26 +437,6 @@ def _write_task(
     if task.document and task.document["robot"]["model"] != arm:
         lines.append(f"arm {longer}: it brings parts that are out of reach of {arm}")
     return task
-
-
-def list_loose_nuts(relation: Relation) -> dict[str, LeftOut]:
-    """Return the nuts that cannot be tightened: on a rod that turns with them, or on nothing."""
-    touching = {frozenset(contact.parts) for contact in relation.contacts}
-    reasons: dict[str, LeftOut] = {}
-    for name in sorted(relation.driven, key=relation.index):
-        fastener = relation.fastener(name)
-        if fastener is None or fastener.kind != "nut":
-            continue
-        rods = [mate for mate in fastener.threaded_in if relation.fastener(mate) is None]
-        held = [join for join in fastener.joins if join not in fastener.threaded_in]
-        if rods:
-            words = f"turns {rods[0]} with it, which a second hand has to hold"
-        elif not any(frozenset((name, join)) in touching for join in held):
-            words = "lies on no part against which it could be tightened"
-        else:
-            continue
-        reasons[name] = LeftOut(name, "turns", words)
-    return reasons
 
 
 def list_stuck(plan: AssemblyPlan, relation: Relation) -> dict[str, LeftOut]:

@@ -502,7 +502,7 @@ class _Search:
         """Return the parts on the flat side of a nut against an axis, and along it."""
         sides: tuple[set[str], set[str]] = (set(), set())
         for contact in self._contacts:
-            if contact.kind == "plane" and name in contact.parts:
+            if contact.kind in ("plane", "free") and name in contact.parts:
                 sign = 1 if contact.parts[0] == name else -1
                 other = contact.parts[1 - contact.parts.index(name)]
                 for normal in contact.normals:

@@ -137,6 +137,13 @@ def find_driven_mate(
     return None
 
 
+def list_rods(relation: Relation, name: str) -> tuple[str, ...]:
+    """Return the parts with a thread, other than screws, that a nut is on."""
+    nut = relation.fastener(name)
+    mates = nut.threaded_in if nut is not None and nut.kind == "nut" else ()
+    return tuple(mate for mate in mates if relation.fastener(mate) is None)
+
+
 def find_best_bearing(
     product: Product, relation: Relation, absent: Collection[str] = (), *, holding: bool = False
 ) -> Bearing:
@@ -201,10 +208,12 @@ class _Standing:
         self._product, self._relation, self._equilibrium = product, relation, equilibrium
         self._absent = set(absent)
         self._driven = {name for name in relation.driven if name not in self._absent}
-        # Without a pocket, these turn unless they are held.
-        self._turning = {
-            fastener.part for fastener in relation.fasteners if fastener.held and holding
-        } - {fastener.part for fastener in given.fasteners if fastener.held}
+        # Without a pocket, these turn unless they are held: one of each bolt and nut, and rods.
+        mates = {fastener.part for fastener in relation.fasteners if fastener.held} - {
+            fastener.part for fastener in given.fasteners if fastener.held
+        }
+        rods = {rod for name in self._driven for rod in list_rods(relation, name)}
+        self._turning = mates | rods if holding else set[str]()
         self._parts = {
             part.name: part
             for part in product
@@ -303,7 +312,10 @@ class _Standing:
         return bool(self._touched[name] >> self._numbers[other] & 1)
 
     def _find_undriven(self) -> dict[str, LeftOut]:
-        """Return the screws and nuts that are driven from below."""
+        """Return the screws and nuts that are driven from below, turn their mate or seat on none.
+
+        A nut that is held does without a seat: its bolt is driven.
+        """
         words = "is driven from below: the product has to be turned over, or held up by a fixture"
         undriven = {}
         for name in sorted(self._driven, key=self._numbers.__getitem__):
@@ -317,7 +329,24 @@ class _Standing:
                 undriven[name] = LeftOut(name, "from below" if is_below else "turns", why)
             elif is_below:
                 undriven[name] = LeftOut(name, "from below", words)
+            elif not self._holding and (rods := list_rods(self._relation, name)):
+                why = f"turns {rods[0]} with it, which a second hand has to hold"
+                undriven[name] = LeftOut(name, "turns", why)
+            elif self._is_loose(name):
+                why = "lies on no part against which it could be tightened"
+                undriven[name] = LeftOut(name, "turns", why)
         return undriven
+
+    def _is_loose(self, name: str) -> bool:
+        """Return whether a driven nut touches none of the parts that it holds."""
+        nut = self._relation.fastener(name)
+        if nut is None or nut.kind != "nut":
+            return False
+        pressed = set(nut.joins) - set(nut.threaded_in)
+        return not any(
+            name in contact.parts and pressed & set(contact.parts)
+            for contact in self._relation.contacts
+        )
 
     def _get_axis(self, name: str) -> Vector:
         fastener = self._relation.fastener(name)

@@ -45,6 +45,12 @@ GRIPPERS: Mapping[str, float | None] = {
 }
 """Grippers of the catalogue from light to heavy, with the payload that their makers state [kg]."""
 
+DRIVER, SOCKETS = "screwdriver", ("socket", "socket_2")
+"""Tools of screws, and of nuts that go over standing bolts, by size."""
+
+EXTENSIONS = ("", "long_", "longest_")
+"""Names of their bits: the shortest that reaches past the parts beside a screw is taken."""
+
 TIPS_PROFILE_M = (
     (0.0, 0.003, 0.0, 0.004),
     (0.04, 0.003, 0.0, 0.004),
@@ -64,7 +70,8 @@ LONG_ARM = "ur10e"
 # Shares of a part's mass at which a grasp is tried that its weight spoils; wood has 1/16 of steel.
 _LIGHTER = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
 
-_SIDES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
+# Height at which a feeder presents a part to a hand from a side: it has room, and so has the wrist.
+_RAISED_M = 0.06
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,10 +92,17 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """A tool and the grasps of a part by it, as in the part's entry in a task file."""
+    """A tool and the grasps of a part by it, as in the part's entry in a task file.
+
+    Parameters
+    ----------
+    raised_m
+        Height at which a feeder has to present the part for these grasps [m]; 0 on the table.
+    """
 
     tool: str
     grasps: tuple[Mapping[str, Any], ...]
+    raised_m: float = 0.0
 
     def compute_load_kg(self, part: Part, hand: Hand) -> float:
         """Return the mass of a part with the tool that holds it [kg]."""
@@ -142,20 +156,24 @@ def list_holds(
     by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m)
     if by_tips:
         yield _hold(TIPS, by_tips)
-    beside = finder.find_jaw_grasps(hand, _SIDES, sunk_m)
+    sides = finder.list_sides()
+    beside = finder.find_jaw_grasps(hand, sides, sunk_m)
     if beside:
         yield _hold(GRIPPER, beside)
-    for approaches in ((DOWN,), _SIDES):
+    for approaches in ((DOWN,), sides):
         for gripper, rated_kg in GRIPPERS.items():
             if rated_kg is None or part.mass_kg <= rated_kg:
                 other = equip_hand(hand, gripper)[0]
                 grasps = finder.find_jaw_grasps(other, approaches, sunk_m)
                 if grasps:
                     yield _hold(gripper, grasps)
+    raised = finder.find_jaw_grasps(hand, sides, sunk_m, _RAISED_M)
+    if raised:
+        yield _hold(GRIPPER, raised, _RAISED_M)
 
 
-def _hold(tool: str, grasps: Sequence[JawGrasp]) -> Held:
-    return Held(tool, tuple(grasp.entry for grasp in grasps))
+def _hold(tool: str, grasps: Sequence[JawGrasp], raised_m: float = 0.0) -> Held:
+    return Held(tool, tuple(grasp.entry for grasp in grasps), raised_m)
 
 
 def _hold_by_cup(finder: GraspFinder, cup: str) -> Iterator[Held]:
@@ -240,6 +258,7 @@ class PartHolds:
         self._choices: dict[str, Iterator[Held]] = {}
         self._chosen: dict[str, Held] = {}
         self._failures: dict[str, Failure] = {}
+        self._extensions: dict[str, int] = {}
         self._order: tuple[str, ...] = ()
         self._on: Mapping[str, tuple[str, ...]] = {}
         self.fixed: dict[str, str] = {}
@@ -252,6 +271,10 @@ class PartHolds:
     def held(self, name: str) -> Held:
         """Return the chosen tool and grasps of a part."""
         return self._chosen[name]
+
+    def extension(self, name: str) -> int:
+        """Return the number of the bit that drives a screw or nut."""
+        return self._extensions.get(name, 0)
 
     def list_order(self) -> list[str]:
         """Return the parts in the order of assembly, each screw after what it joins."""
@@ -304,7 +327,7 @@ class PartHolds:
         return describe_too_heavy(part.mass_kg, tool_kg, self._robot, tool)
 
     def take_next(self, name: str, failure: Failure | None = None) -> bool:
-        """Choose the next tool of a part; return False if there is none.
+        """Choose the next tool of a part, or a longer bit; return False if there is none.
 
         Parameters
         ----------
@@ -312,9 +335,15 @@ class PartHolds:
             Why the arm cannot bring the part with the tool before.
         """
         if failure is not None:
-            self._failures.setdefault(name, failure)
+            first = self._failures.setdefault(name, failure)
+            is_far = first.is_far or failure.is_far
+            self._failures[name] = replace(first, is_far=is_far)
         if name in self._relation.driven:
-            return False
+            longer = self.extension(name) + 1
+            if longer == len(EXTENSIONS):
+                return False
+            self._extensions[name] = longer
+            return True
         if name not in self._choices:
             self._choices[name] = self._list_holds(self._get_part(name))
         part = self._get_part(name)
@@ -336,7 +365,8 @@ class PartHolds:
             words = f"cannot be driven: {failure.text}"
         elif self._fix(name, words):
             return {}
-        if failure.is_far:
+        # The links of another arm may have room where those of this one have none.
+        if failure.is_far or (name in self._relation.driven and "of the arm" in failure.text):
             remedy = "" if self._robot == LONG_ARM else f"; --robot {LONG_ARM} reaches farther"
             return {name: LeftOut(name, "unreachable", f"{words}{remedy}")}
         return {name: LeftOut(name, "no grasp", words)}

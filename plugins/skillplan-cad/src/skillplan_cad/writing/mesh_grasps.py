@@ -131,8 +131,23 @@ class GraspFinder:
         x, y = centre if cell else best
         return round(float(x), 5) + 0.0, round(float(y), 5) + 0.0
 
+    def list_sides(self) -> list[tuple[float, float, float]]:
+        """Return level directions of a hand: the axes, and along faces, as those of a hexagon."""
+        x, y, z = np.eye(3)
+        sides = [x, -x, y, -y]
+        for closing in self._list_closings((0.0, 0.0, -1.0)):
+            along = np.cross(z, closing)
+            for side in (along, -along):
+                if all(float(side @ other) < _ALONG for other in sides):
+                    sides.append(side)
+        return [(float(x) + 0.0, float(y) + 0.0, float(z) + 0.0) for x, y, z in sides]
+
     def find_jaw_grasps(
-        self, hand: Hand, approaches: Sequence[tuple[float, float, float]], sunk_m: float
+        self,
+        hand: Hand,
+        approaches: Sequence[tuple[float, float, float]],
+        sunk_m: float,
+        raised_m: float = 0.0,
     ) -> list[JawGrasp]:
         """Return the best grasps from some sides, the best first.
 
@@ -143,12 +158,14 @@ class GraspFinder:
         sunk_m
             Height up to which other parts enclose the part at its goal [m]: fingers stay above it
             if they can.
+        raised_m
+            Height of the part's bottom at its start [m].
         """
         candidates = [
             grasp
             for approach in approaches
             for closing in self._list_closings(approach)
-            for grasp in self._search(hand, np.array(approach), closing, sunk_m)
+            for grasp in self._search(hand, np.array(approach), closing, sunk_m, raised_m)
         ]
         # The best of each side, closing direction and depth first: a neighbour may be in the way of
         # deep fingers, and a rim in the way of shallow ones.
@@ -185,7 +202,7 @@ class GraspFinder:
         yield from (c for c in listed if abs(out[2]) > 0.5 or abs(c[2]) < _ALMOST)
 
     def _search(
-        self, hand: Hand, approach: Floats, closing: Floats, sunk_m: float
+        self, hand: Hand, approach: Floats, closing: Floats, sunk_m: float, raised_m: float
     ) -> Iterator[JawGrasp]:
         """Yield the grasps of jaws that close in one direction, with the best of each depth."""
         field = self._trace(approach, closing)
@@ -202,7 +219,7 @@ class GraspFinder:
                     point = point + patch.middle_m * closing
                     if from_top and point[2] < lowest_m:
                         continue
-                    if not from_top and point[2] < hand.half_width_m + _SIDE_MARGIN_M:
+                    if not from_top and point[2] + raised_m < hand.half_width_m + _SIDE_MARGIN_M:
                         continue
                     away = patch.centre_m - centre
                     # Gravity pulls along `out` of a hand from above, else across it.

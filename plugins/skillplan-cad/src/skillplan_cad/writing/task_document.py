@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 
 from skillplan.collision import compute_margin_m
 from skillplan.collision.contact_forces import find_axes_across
+from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
@@ -29,11 +30,14 @@ from skillplan_cad.relation import Fastener, LeftOut, Relation
 from skillplan_cad.writing.held_part import (
     CUP,
     CUPS_M,
+    DRIVER,
+    EXTENSIONS,
     GRIPPER,
     GRIPPERS,
     HEAVY_CUP,
     LARGE_CUP,
     SMALL_CUP,
+    SOCKETS,
     TIPS,
     TIPS_PROFILE_M,
     WIDE_CUP,
@@ -49,11 +53,10 @@ _SIZES = ("M2", "M2.5", "M3", "M4", "M5", "M6", "M8", "M10", "M12")
 _NEAR_SIZE = 0.04
 # Widths of sockets are rounded to tenths of a millimetre.
 _WIDTH_DECIMALS = 4
-# Socket on a short spindle, as long as a hand [m].
-_SPINDLE = {
-    "bit_length_m": 0.05,
-    "body": {"boxes": [{"size_m": [0.03, 0.03, 0.062], "centre_m": [0.0, 0.0, 0.031]}]},
-}
+# Lengths of the bits of screwdrivers and sockets; with the first, both are as long as a hand [m].
+_BITS_M, _SOCKETS_M = (0.04, 0.10, 0.16), (0.05, 0.11, 0.17)
+# Width and length of the spindle of a socket [m].
+_SPINDLE_M = (0.03, 0.062)
 
 
 def assign_task_names(names: Iterable[str], taken: Iterable[str] = ()) -> Mapping[str, str]:
@@ -99,6 +102,8 @@ FURTHER_HOLDERS: tuple[Place, ...] = (
     *((0.12, 0.50), (0.04, 0.50), (-0.04, 0.50)),
     *((-0.13, 0.50), (-0.24, 0.50), (-0.32, 0.50), (-0.40, 0.50)),
     *((-0.26, 0.62), (-0.02, 0.62), (0.22, 0.62), (0.46, 0.62)),
+    *((0.20, -0.50), (0.28, -0.50), (0.36, -0.50)),
+    *((0.12, -0.50), (0.04, -0.50), (-0.04, -0.50)),
 )
 # Place of the tip at the start, as a share of the arm's reach; and the least of it [m].
 _HOME, _HOME_M = 0.3, 0.35
@@ -237,11 +242,8 @@ def _mask_fitting(
     return fits
 
 
-DRIVER = "screwdriver"
 # Height within which the feet of a part lie that stands alone [m].
 _LEVEL_FEET_M = 1e-4
-# For nuts that go over standing bolts, by size.
-SOCKETS = ("socket", "socket_2")
 
 # Meshes of a part: vertices [m] and triangles of each.
 Meshes = tuple[tuple[Points, Triangles], ...]
@@ -282,16 +284,9 @@ def compute_safe_height_m(
 _HOLDER_OF: Mapping[str, Place] = dict(
     zip(
         (
-            GRIPPER,
-            CUP,
-            DRIVER,
-            TIPS,
-            SMALL_CUP,
-            LARGE_CUP,
-            WIDE_CUP,
-            HEAVY_CUP,
-            *SOCKETS,
+            *(GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP, WIDE_CUP, HEAVY_CUP, *SOCKETS),
             *GRIPPERS,
+            *(f"{word}{name}" for word in EXTENSIONS[1:] for name in (DRIVER, *SOCKETS)),
         ),
         (*HOLDERS, *FURTHER_HOLDERS),
         strict=True,
@@ -318,7 +313,7 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
             force_n = _compute_grip_n(max(masses_kg), most_n)
             tools[name] = {"model": name, "holder_m": list(holder), "force_n": force_n}
             continue
-        drives = name in (DRIVER, *SOCKETS)
+        drives = name.endswith((DRIVER, *SOCKETS))
         kind = "screwdriver" if drives else "suction" if name in CUPS_M else "gripper"
         tools[name] = {"type": kind, "holder_m": list(holder)}
         if kind == "gripper":
@@ -328,11 +323,24 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
             tools[name]["jaw_profile_m"] = [list(row) for row in TIPS_PROFILE_M]
         if name in CUPS_M and name != CUP:
             tools[name]["cup_diameter_m"] = CUPS_M[name]
-        if name in SOCKETS:
-            nut = next(entry for entry in entries if entry.get("tool") == name)
-            flats_m = round(nut["head_diameter_m"] * math.sqrt(3) / 2, 7)
-            tools[name] |= {"socket_m": flats_m, **_SPINDLE}
+        if drives:
+            driven = next(entry for entry in entries if entry.get("tool") == name)
+            tools[name] |= _build_driver(name, driven, hand)
     return tools
+
+
+def _build_driver(name: str, driven: Mapping[str, Any], hand: Hand) -> dict[str, Any]:
+    """Return the keys of a screwdriver or socket and its bit for a screw that it drives."""
+    level = max(level for level, word in enumerate(EXTENSIONS) if name.startswith(word))
+    if not name.endswith(DRIVER):
+        flats_m = round(driven["head_diameter_m"] * math.sqrt(3) / 2, 7)
+        width_m, height_m = _SPINDLE_M
+        body = {"size_m": [width_m, width_m, height_m]}
+        return {"socket_m": flats_m, "bit_length_m": _SOCKETS_M[level], "body": body}
+    if level == 0:
+        return {}
+    length_m = hand.tip_on_flange.xyz_m[2] + _BITS_M[level] - _BITS_M[0]
+    return {"length_m": round(length_m, 6), "bit_length_m": _BITS_M[level]}
 
 
 def _compute_grip_n(mass_kg: float, most_n: float) -> float:
@@ -406,6 +414,7 @@ def lay_out_parts(
     robot: str,
     fixed: Collection[str] = (),
     tools: Collection[str] = (),
+    presented: Collection[str] = (),
 ) -> Places:
     """Place the product, single parts and feeders.
 
@@ -425,11 +434,14 @@ def lay_out_parts(
         Parts in place from the start.
     tools
         Names of tools whose holders stay free.
+    presented
+        Parts that a feeder presents above the table.
     """
     upright = place_upright(gripped, up, (0.0, 0.0))
     feeders = dict(_feeders([part for part in parts if part.name not in fixed], names, taken))
     for part in gripped:
-        if part.name not in {*fixed, *feeders} and not stands_alone(part, upright):
+        needs_feeder = part.name in presented or not stands_alone(part, upright)
+        if part.name not in {*fixed, *feeders} and needs_feeder:
             stem = f"{names[part.name]}_feeder"
             feeders[part.name] = assign_task_names([stem], {*taken, *feeders.values()})[stem]
     items: dict[str, Item] = {}
@@ -549,33 +561,42 @@ def build_screw_entry(
 
 @dataclass(frozen=True, slots=True)
 class Socketed:
-    """A nut that a socket drives onto a bolt that stands.
+    """A nut that a socket drives onto a bolt or rod that is held.
 
     Parameters
     ----------
-    size
-        Size of its thread, such as M8; None if it is near none.
+    bolt
+        The bolt or rod.
+    thread_m
+        Diameter of the thread, as drawn [m].
     flats_m
         Width across its flats, as drawn [m].
     """
 
     bolt: str
-    size: str | None
+    thread_m: float
     flats_m: float
+
+    @property
+    def thread_entry(self) -> dict[str, Any]:
+        """Its size, such as M8, or the diameter of its thread if it is near none."""
+        size = min(_SIZES, key=lambda size: abs(float(size[1:]) / 1e3 - self.thread_m))
+        known_m = float(size[1:]) / 1e3
+        is_near = abs(known_m - self.thread_m) <= _NEAR_SIZE * known_m
+        return {"size": size} if is_near else {"thread_m": round(self.thread_m, 6)}
 
 
 def find_socketed(product: Product, relation: Relation, name: str) -> Socketed | None:
-    """Return a driven nut on a bolt that is held; None for other fasteners."""
+    """Return a driven nut on a bolt or rod that is held; None for other fasteners."""
     nut = relation.fastener(name) if name in relation.driven else None
     for mate in nut.threaded_in if nut is not None and nut.kind == "nut" else ():
         bolt = relation.fastener(mate)
-        if bolt is not None and bolt.held:
+        if bolt is None or bolt.held:
             assert nut is not None
-            size = min(_SIZES, key=lambda size: abs(float(size[1:]) / 1e3 - bolt.diameter_m))
-            known_m = float(size[1:]) / 1e3
-            near = abs(known_m - bolt.diameter_m) <= _NEAR_SIZE * known_m
+            # The bore of a nut is drawn without its thread, which counts on a rod.
+            thread_m = nut.diameter_m if bolt is None else bolt.diameter_m
             part = product.parts[product.index(name)]
-            return Socketed(mate, size if near else None, _measure_flats_m(part, nut.axis))
+            return Socketed(mate, thread_m, _measure_flats_m(part, nut.axis))
     return None
 
 
@@ -598,16 +619,11 @@ def list_undriven_nuts(
         for name in sorted(names, key=relation.index)
         if (nut := find_socketed(product, relation, name)) is not None
     }
-    widths = Counter(nut.flats_m for nut in socketed.values() if nut.size is not None)
+    widths = Counter(nut.flats_m for nut in socketed.values())
     usual = {width for width, _ in widths.most_common(len(SOCKETS))}
     reasons = {}
     for name, nut in socketed.items():
-        if nut.size is None:
-            bolt = relation.fastener(nut.bolt)
-            thread_mm = 0.0 if bolt is None else bolt.diameter_m * 1e3
-            words = f"has a thread of {thread_mm:.3g} mm, which is no size from M2 to M12"
-            reasons[name] = LeftOut(name, "no grasp", words)
-        elif nut.flats_m not in usual:
+        if nut.flats_m not in usual:
             words = (
                 f"needs a socket of {nut.flats_m * 1e3:.3g} mm, and a task has {len(SOCKETS)}: "
                 f"{' and '.join(f'{width * 1e3:.3g}' for width in sorted(usual))} mm"
@@ -643,6 +659,7 @@ _LEAST_STROKE_M, _CLEAR_STROKE_M, _TOUCH_M = 0.01, 0.005, 2e-4
 _BELOW_SHANK_M = 0.01
 _COMMENT_WIDTH = 98
 _PRESENTED = "comes from a feeder that presents it, as it does not stand on the table by itself"
+_RAISED = "comes from a feeder that presents it to a hand from its side,"
 _HELD = "is held where it is put by a support of its own, the shape of which is not in the task"
 
 _HEADER = """\
@@ -732,7 +749,8 @@ class TaskWriter:
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
     gripped: list[Part] = field(init=False)
-    _sockets: dict[float, str] = field(init=False, default_factory=dict)
+    drivers: Mapping[str, str] = field(init=False)
+    raised_m: Mapping[str, float] = field(init=False)
     places: Places = field(init=False)
     upright: Upright = field(init=False)
 
@@ -749,10 +767,15 @@ class TaskWriter:
         self.gripped = [part for part in self.kept if not self._get_driven(part)]
         known, up, fixed = taken | set(self.names.values()), self.bearing.up, self.holds.fixed
         tools = {self.holds.held(p.name).tool for p in self.gripped if p.name not in fixed}
-        if any(fastener.kind == "nut" for fastener in self.relation.fasteners):
-            tools |= {*SOCKETS}
+        self.drivers = self._choose_drivers()
+        tools |= {*self.drivers.values()}
+        self.raised_m = {
+            part.name: self.holds.held(part.name).raised_m
+            for part in self.gripped
+            if part.name not in fixed and self.holds.held(part.name).raised_m
+        }
         self.places = lay_out_parts(
-            self.kept, self.gripped, self.names, known, up, self.robot, fixed, tools
+            self.kept, self.gripped, self.names, known, up, self.robot, fixed, tools, self.raised_m
         )
         self.upright = self.places.upright
 
@@ -775,7 +798,9 @@ class TaskWriter:
             self._note(name, _HELD)
         alike = Counter(self.places.feeders.values())
         for name, feeder in self.places.feeders.items():
-            if alike[feeder] == 1:
+            if name in self.raised_m:
+                self._note(name, f"{_RAISED} {self.raised_m[name]:g} m above the table")
+            elif alike[feeder] == 1:
                 self._note(name, _PRESENTED)
         for name in self.names:
             for notes in (self.remarks, self.holds.fixed):
@@ -888,7 +913,10 @@ class TaskWriter:
         for part in self.kept:
             name = groups.get(part.name)
             if name is not None and name in layout.places:
-                entries[name] = {"position_m": list(layout.places[name])}
+                entries.setdefault(name, {"position_m": list(layout.places[name])})
+                raised_m = self.raised_m.get(part.name, 0.0)
+                if raised_m:
+                    entries[name]["height_m"] = raised_m
                 fastener = self._get_driven(part)
                 if fastener is not None:
                     height_m = fastener.length_m + _BELOW_SHANK_M
@@ -1014,17 +1042,30 @@ class TaskWriter:
         entry = build_screw_entry(part, fastener, self.relation, self.upright)
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
-        return {"tool": DRIVER, "through": through, **entry, **fed, **self._drive_nut(part)}
+        keys = {"through": through, **entry, **fed, **self._drive_nut(part)}
+        return {"tool": self.drivers[part.name], **keys}
+
+    def _choose_drivers(self) -> dict[str, str]:
+        """Return the screwdriver or socket of each screw and nut, as long as it needs."""
+        drivers: dict[str, str] = {}
+        sockets: dict[float, str] = {}
+        for part in self.kept:
+            if self._get_driven(part) is not None:
+                nut = find_socketed(self.product, self.relation, part.name)
+                tool = DRIVER
+                if nut is not None:
+                    tool = sockets.setdefault(nut.flats_m, SOCKETS[len(sockets) % len(SOCKETS)])
+                drivers[part.name] = f"{EXTENSIONS[self.holds.extension(part.name)]}{tool}"
+        return drivers
 
     def _drive_nut(self, part: Part) -> dict[str, Any]:
         """Return the keys of a nut that a socket drives onto a standing bolt; none otherwise."""
         nut = find_socketed(self.product, self.relation, part.name)
-        if nut is None or nut.size is None or nut.bolt not in self.names:
+        if nut is None or nut.bolt not in self.names:
             return {}
-        tool = self._sockets.setdefault(nut.flats_m, SOCKETS[len(self._sockets) % len(SOCKETS)])
         diameter_m = round(nut.flats_m * 2 / math.sqrt(3), 7)
-        keys = {"size": nut.size, "head": "nut", "into": self.names[nut.bolt]}
-        return {"tool": tool, "head_diameter_m": diameter_m, **keys}
+        keys = {**nut.thread_entry, "head": "nut", "into": self.names[nut.bolt]}
+        return {"head_diameter_m": diameter_m, **keys}
 
     def _get_part(self, name: str) -> Part:
         return self.product.parts[self.product.index(name)]
