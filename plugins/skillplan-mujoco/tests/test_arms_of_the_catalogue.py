@@ -7,10 +7,10 @@ from skillplan.checks import introduce
 from skillplan.robots import ARMS
 from thinned import release_case, slow_case
 
-# Within reach of the smallest arm, and not too near for the largest.
+# Within reach of the smallest arm, and not too near for large ones but one.
 BOARD = """kind: assembly
 name: two-parts
-robot: {model: ARM, home_m: [0.42, 0.0]}
+robot: {model: ARM, home_m: [0.42, 0.0], base_m: [BACK, 0.0, 0.0]}
 tools: {gripper: {mass_kg: MASS, holder_m: [0.35, 0.3], opening_m: 0.08}}
 initial_tool: gripper
 parts:
@@ -19,9 +19,10 @@ parts:
   lid: {tool: gripper, mass_kg: 0.05, size_m: [0.05, 0.05, 0.03], start_m: [0.43, -0.01],
     goal_m: [0.42, 0.11], goal_on: base}
 """
+BACK_M = {"m710ic_50": -0.5}
 CONTACTS = ("contact-pairs",)
 # Each has joints and shapes of the same kind as another arm.
-SIBLINGS = ("fr3", "iiwa14", "ur10e", "ur20", "ur30", "ur3e", "xarm7")
+SIBLINGS = ("fr3", "iiwa14", "m710ic_50", "ur10e", "ur20", "ur30", "ur3e", "xarm7")
 
 
 def cases(left_to_releases=()):
@@ -38,7 +39,8 @@ def cases(left_to_releases=()):
 
 def load(folder, arm, tool_kg=0.73):
     path = folder / "two_parts.yaml"
-    path.write_text(BOARD.replace("ARM", arm).replace("MASS", str(tool_kg)), "utf-8")
+    board = BOARD.replace("ARM", arm).replace("BACK", str(BACK_M.get(arm, 0.0)))
+    path.write_text(board.replace("MASS", str(tool_kg)), "utf-8")
     return load_problem(path).task
 
 
