@@ -3,6 +3,8 @@ from .build_relation import assemble_relation as assemble_relation
 from .build_relation import find_blocked as find_blocked
 from .build_relation import find_joints as find_joints
 from .importing.findings import Confirmation as Confirmation
+from .importing.findings import analyse_product as analyse_product
+from .importing.findings import analyse_units as analyse_units
 from .importing.findings import describe_unit_doubt as describe_unit_doubt
 from .importing.materials import assign_materials as assign_materials
 from .importing.materials import parse_material as parse_material
@@ -11,6 +13,7 @@ from .importing.planned import find_common_pattern as find_common_pattern
 from .importing.planned import list_attitude_warnings as list_attitude_warnings
 from .importing.planned import list_stuck as list_stuck
 from .importing.settings import ImportSettings as ImportSettings
+from .importing.settings import parse_settings as parse_settings
 from .joints.fastener_names import recognise_kind as recognise_kind
 from .joints.fasteners_of import FastenerOptions as FastenerOptions
 from .joints.fits import FitOptions as FitOptions
@@ -115,6 +118,8 @@ __all__ = [
     "StepContent",
     "Watch",
     "add_groups",
+    "analyse_product",
+    "analyse_units",
     "assemble_relation",
     "assign_materials",
     "assign_task_names",
@@ -149,6 +154,7 @@ __all__ = [
     "list_stuck",
     "mend",
     "parse_material",
+    "parse_settings",
     "place_upright",
     "prepare",
     "read_document",

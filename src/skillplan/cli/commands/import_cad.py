@@ -133,6 +133,15 @@ def command(
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
+    no_units: Annotated[
+        bool,
+        typer.Option(
+            "--no-units",
+            help="Keep parts of one assembly that are caught in each other, such as the rings of a "
+            "bearing, apart, and the bodies of a part that closes others in together.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = False,
     fit_allowance: Annotated[
         float | None,
         typer.Option(
@@ -327,6 +336,7 @@ def command(
             "leave_out": leave_out,
             "only": only,
             "as_one": as_one,
+            "uniting": not no_units,
             "density_kg_m3": density,
             "material": material,
             "nests": nests,

@@ -32,11 +32,13 @@ from skillplan_cad.importing.materials import assign_materials
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.joints.fastener_names import recognise_kind
 from skillplan_cad.joints.fits import relieve_fits
+from skillplan_cad.planning.assembly_plan import find_groups
+from skillplan_cad.planning.precedence import derive_precedence, list_members
 from skillplan_cad.planning.shrunk_meshes import MeshTree, shrink_mesh
 from skillplan_cad.product import Face, Part, Product, Vector
 from skillplan_cad.reading.mesh_folder import MOST_BYTES as MESH_BYTES
 from skillplan_cad.reading.mesh_folder import UNITS_M, list_mesh_files
-from skillplan_cad.reading.product_reader import ReadOptions, read_product
+from skillplan_cad.reading.product_reader import ReadOptions, fits_pattern, read_product
 from skillplan_cad.reading.step_file import hash_step, is_step
 from skillplan_cad.relation import Blocking, Contact, Fastener, Fit, Relation, Sensitive
 
@@ -561,3 +563,113 @@ def _report_progress(tell: Tell, product: Product) -> Callable[[int, int], None]
         tell(f"blocking: {count} parts along {done} of {of} lines")
 
     return report
+
+
+# CAD of a bought-in unit often shows a ring that others close in, or pins that are drawn inside
+# their plastic; both halves of a housing may be one part in the file.
+# Number of times that parts are joined or split. Largest number of bodies that are separate parts:
+# more are the balls of a bearing.
+_ROUNDS, _MOST_BODIES = 4, 8
+# Largest share of the product's parts in one unit.
+_MOST_SHARE = 0.5
+
+
+def analyse_units(
+    analyse: Callable[[ImportSettings], Findings], settings: ImportSettings
+) -> tuple[Findings, ImportSettings]:
+    """Analyse a product until no unit is left to join and no part to split.
+
+    A split stays only if it frees parts.
+
+    Returns
+    -------
+    tuple
+        Findings, and the settings that name the units and the parts that are split.
+    """
+    findings = analyse(settings)
+    for _ in range(_ROUNDS if settings.uniting else 0):
+        product, relation = findings.product, findings.relation
+        locked = list_locked(relation)
+        units = [
+            unit
+            for unit in list_units(product, relation, locked)
+            if not any(_is_named(name, settings) for name in unit)
+        ]
+        if units:
+            settings = replace(settings, units=(*settings.units, *units))
+            findings = analyse(settings)
+            continue
+        closing = find_closing(product, locked)
+        if closing is None:
+            break
+        split = replace(settings, split_parts=(*settings.split_parts, closing))
+        apart = analyse(split)
+        kept = {*relation.names} - {closing}
+        if _count_locked(apart.relation, kept) >= _count_locked(relation, kept):
+            break
+        findings, settings = apart, split
+    return findings, settings
+
+
+def _is_named(name: str, settings: ImportSettings) -> bool:
+    """Return whether an option names a part, which then stays a part."""
+    pairs = [side.strip() for pair in settings.press_fit for side in pair.split(",")]
+    materials = [entry.rpartition("=")[0] for entry in settings.material]
+    patterns = [*pairs, *settings.fastener, *settings.not_fastener, *materials]
+    return name == settings.base or any(fits_pattern(name, pattern) for pattern in patterns)
+
+
+def list_locked(relation: Relation) -> list[tuple[str, ...]]:
+    """Return the sets of parts that no straight move takes apart."""
+    locks = find_groups(relation, derive_precedence(relation)).locks
+    return [tuple(relation.names[number] for number in list_members(lock.parts)) for lock in locks]
+
+
+def _count_locked(relation: Relation, kept: set[str]) -> int:
+    return len({name for lock in list_locked(relation) for name in lock if name in kept})
+
+
+def list_units(
+    product: Product, relation: Relation, locked: Iterable[Sequence[str]]
+) -> list[tuple[str, ...]]:
+    """Return the parts of each bought-in unit.
+
+    They belong to one assembly below the root, and are locked: because all of their set belong to
+    it, or because they overlap.
+    """
+    overlaps = [contact.parts for contact in relation.contacts if contact.interferes]
+    units = []
+    for lock in locked:
+        assemblies: dict[str, list[str]] = {}
+        for name in lock:
+            assemblies.setdefault(name.rpartition("/")[0], []).append(name)
+        for assembly, names in assemblies.items():
+            inside = sum(part.name.startswith(f"{assembly}/") for part in product)
+            if not assembly or len(names) < 2 or inside > _MOST_SHARE * len(product):
+                continue
+            pairs = [pair for pair in overlaps if {*pair} <= {*names}]
+            units += [tuple(names)] if len(names) == len(lock) else _link(names, pairs)
+    return units
+
+
+def _link(names: Sequence[str], pairs: Sequence[tuple[str, str]]) -> list[tuple[str, ...]]:
+    """Return the sets of two or more names that pairs connect, in order."""
+    sets = [{name} for name in names]
+    for first, second in pairs:
+        joined = [group for group in sets if first in group or second in group]
+        sets = [group for group in sets if group not in joined] + [set().union(*joined)]
+    return [tuple(name for name in names if name in group) for group in sets if len(group) > 1]
+
+
+def find_closing(product: Product, locked: Iterable[Sequence[str]]) -> str | None:
+    """Return the largest part of a few bodies that holds most of the parts of its locked set."""
+    sizes_m3: dict[str, float] = {}
+    for lock in locked:
+        parts = [product.parts[product.index(name)] for name in lock]
+        for part in parts:
+            low, high = part.bounds_m
+            others = np.array([other.centre_m for other in parts if other is not part])
+            inside = ((others >= low) & (others <= high)).all(axis=1)
+            if 1 < part.bodies <= _MOST_BODIES and 2 * inside.sum() >= len(others):
+                sizes_m3[part.name] = float(np.prod(high - low))
+    return max(sizes_m3, key=sizes_m3.__getitem__, default=None)

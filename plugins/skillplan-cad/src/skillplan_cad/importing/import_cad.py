@@ -16,7 +16,7 @@ from skillplan.files.output_path import check_output_folder, report_write_errors
 from skillplan.records.schemas import IMPORT
 from skillplan_cad.build_relation import list_waived_pairs
 from skillplan_cad.importing.exploded import Draw
-from skillplan_cad.importing.findings import Findings, Tell, analyse_product
+from skillplan_cad.importing.findings import Findings, Tell, analyse_product, analyse_units
 from skillplan_cad.importing.planned import plan_product
 from skillplan_cad.importing.settings import ImportSettings, parse_settings
 from skillplan_cad.importing.summary import (
@@ -193,7 +193,9 @@ def import_cad(
         with stopping() as must_stop:
             yield partial(must_stop, _CONFIRMING_SHARE)
 
-    findings = analyse_product(path, settings, tell, confirming)
+    findings, settings = analyse_units(
+        lambda settings: analyse_product(path, settings, tell, confirming), settings
+    )
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_describe_missing_base(settings.base, relation))

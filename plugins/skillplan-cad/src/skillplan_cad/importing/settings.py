@@ -45,6 +45,10 @@ class ImportSettings:
         Thickness of open surfaces; None for the mass of their boxes.
     leave_out, only, as_one
         Patterns of part names: parts left out, the only ones read, and those joined to one.
+    uniting
+        True to join the parts of bought-in units, and to split parts that close others in.
+    units, split_parts
+        Names of the parts of these units, and of the parts that are split.
     fit_allowance_mm
         Greatest depth of an overlap that is a fit, on each side; None for ISO 286.
     press_fit
@@ -76,6 +80,9 @@ class ImportSettings:
     leave_out: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     as_one: tuple[str, ...] = ()
+    uniting: bool = True
+    units: tuple[tuple[str, ...], ...] = ()
+    split_parts: tuple[str, ...] = ()
     fit_allowance_mm: float | None = None
     press_fit: tuple[str, ...] = ()
     fastener: tuple[str, ...] = ()
@@ -179,6 +186,8 @@ class ImportSettings:
             self.leave_out,
             self.only,
             self.as_one,
+            self.units,
+            self.split_parts,
         )
 
 

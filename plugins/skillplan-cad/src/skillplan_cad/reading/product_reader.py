@@ -232,6 +232,10 @@ class ReadOptions:
         Patterns of the names of parts that are left out, or of the only ones that are read.
     as_one
         Patterns; the parts of each become one part.
+    units
+        Names of the parts of bought-in units, each of which becomes one part.
+    split_parts
+        Names of parts whose bodies become parts.
     fewest
         Number of parts below which a product is refused.
     """
@@ -243,6 +247,8 @@ class ReadOptions:
     leave_out: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     as_one: tuple[str, ...] = ()
+    units: tuple[tuple[str, ...], ...] = ()
+    split_parts: tuple[str, ...] = ()
     fewest: int = 2
 
 
@@ -335,13 +341,15 @@ def _split_bodies(meshes: Sequence[Mended], options: ReadOptions) -> tuple[list[
     """Return the parts, with bodies as parts if requested, and notes."""
     parts: list[Mended] = []
     notes = []
-    for mesh in meshes:
+    for name, mesh in zip(_assign_names([mesh.part for mesh in meshes]), meshes, strict=True):
         count = int(mesh.bodies.max(initial=0)) + 1
-        if count > 1 and options.split_bodies:
+        if count > 1 and (options.split_bodies or name in options.split_parts):
             bodies = split(mesh)
             bodies[0] = replace(bodies[0], notes=mesh.notes)
             parts += bodies
-            notes.append(f"{mesh.part.name}: its {count} bodies are parts of their own")
+            words = "" if options.split_bodies else ", as they close other parts in; --no-units"
+            end = f"{words} keeps them together" if words else ""
+            notes.append(f"{mesh.part.name}: its {count} bodies are parts of their own{end}")
             continue
         if count > 1:
             notes.append(
@@ -411,15 +419,24 @@ def _join_parts(
                 f"--as-one {pattern}: only {fitting[0].part.label} has such a name; give a pattern "
                 "that fits two parts or more."
             )
-        largest = max(fitting, key=_measure_volume_m3).part
-        whole = join(largest.name, fitting)
-        whole = replace(whole, part=replace(largest, **_get_geometry(whole.part)))
-        first = meshes.index(fitting[0])
-        meshes = [mesh for mesh in meshes if mesh not in fitting]
-        meshes.insert(first, whole)
-        others = ", ".join(mesh.part.label for mesh in fitting)
-        notes.append(f"{others} are one part, {largest.label}")
+        meshes, note = _join(meshes, fitting)
+        notes.append(note)
+    for names in options.units:
+        meshes, note = _join(meshes, [mesh for mesh in meshes if mesh.part.label in names])
+        notes.append(f"{note}, as they are caught in each other; --no-units keeps them apart")
     return meshes, notes
+
+
+def _join(meshes: list[Mended], chosen: Sequence[Mended]) -> tuple[list[Mended], str]:
+    """Return the parts with some of them joined to one, and a note."""
+    largest = max(chosen, key=_measure_volume_m3).part
+    whole = join(largest.name, list(chosen))
+    whole = replace(whole, part=replace(largest, **_get_geometry(whole.part)))
+    first = meshes.index(chosen[0])
+    kept = [mesh for mesh in meshes if mesh not in chosen]
+    kept.insert(first, whole)
+    others = ", ".join(mesh.part.label for mesh in chosen)
+    return kept, f"{others} are one part, {largest.label}"
 
 
 def _get_geometry(part: RawPart) -> dict[str, Any]:
