@@ -21,6 +21,7 @@ from skillplan_cad import (
     Planner,
     Product,
     ReadOptions,
+    Watch,
     assemble_relation,
     assign_task_names,
     build_task,
@@ -297,14 +298,40 @@ def test_the_lightest_gripper_of_the_catalogue_holds_what_no_hand_and_no_cup_doe
     assert (entry["model"], entry["force_n"]) == (gripper, 33)
 
 
-def assembled(*solids):
+@pytest.mark.slow
+def test_parts_in_no_order_at_the_end_of_the_time_are_left_out_of_the_task():
+    """The search is stopped once the block and one of two posts are in."""
+    posts = [(name, box(x, 0, 20, x + 20, 60, 60)) for name, x in (("left", 0), ("right", 100))]
+    task = assembled(("block", box(0, 0, 0, 120, 60, 20)), *posts, watch=StoppedSearch(checks=4))
+    ((name, reason),) = task.left_out.items()
+    assert reason.kind == "not examined"
+    assert name in {"left", "right"}
+    assert "not checked again" in task.doubt
+
+
+class StoppedSearch(Watch):
+    """Asks to stop after a number of checks in the search for an order."""
+
+    def __init__(self, checks):
+        super().__init__(must_stop=self.is_over)
+        self.left, self.searches = checks, False
+
+    def report(self, text):
+        self.searches |= "finding an order" in text
+
+    def is_over(self):
+        self.left -= self.searches
+        return self.left < 0
+
+
+def assembled(*solids, watch=None):
     """Return the task of parts of steel."""
     parts = Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)
     known = related(parts)
     bearing = find_best_bearing(parts, known)
     grounded = [name for name in bearing.order if not bearing.on[name]]
     plan = Planner(parts, known).plan(None, bearing.up, grounded)
-    return build_task(parts, known, plan, bearing=bearing)
+    return build_task(parts, known, plan, bearing=bearing, watch=watch)
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.writing.held_part import KnownHolds, PartHolds
 from skillplan_cad.writing.pieces_proof import Cuts, PieceProof, ProvedPieces
 from skillplan_cad.writing.task_document import (
+    Places,
     SharedMeshes,
     TaskWriter,
     WrittenTask,
@@ -210,6 +211,7 @@ class _TaskBuilder:
             cuts,
             watch,
         )
+        places: Places | None = None
         while True:
             unheld = self._holds.choose(self._bearing)
             if unheld:
@@ -230,12 +232,14 @@ class _TaskBuilder:
                 self._remarks,
                 self._holds,
                 shared,
+                places,
             )
             if writer.places.without:
                 words = "finds no place within the arm's reach"
-                places = writer.places.without
-                self._leave_out({name: LeftOut(name, "no place", words) for name in places})
+                far = writer.places.without
+                self._leave_out({name: LeftOut(name, "no place", words) for name in far})
                 continue
+            places = writer.places
             task = writer.write(proof)
             unfinished = {part.name for part in writer.gripped} - task.pieces.pieces.keys()
             if unfinished:
@@ -298,6 +302,7 @@ class _TaskBuilder:
             if not self._holds.take_next(name, failure):
                 reasons |= self._conflicting.get(name) or self._holds.give_up(name)
         reasons |= _list_unexamined(names[task_name] for task_name in trial.untried)
+        reasons |= _list_unordered(names[task_name] for task_name in trial.unordered)
         for task_name, conflict in trial.conflicts.items():
             name, by = names[task_name], tuple(names[other] for other in conflict.by)
             left_out = LeftOut(name, "no order", conflict.text, by)
@@ -310,12 +315,17 @@ class _TaskBuilder:
                 trials.forget(conflict.failed)
             else:
                 reasons |= self._conflicting.get(failed, {name: left_out})
-        passed = not (trial.refusals or trial.failures or trial.untried or trial.conflicts)
-        return None if passed else reasons
+        tried = (trial.refusals, trial.failures, trial.untried, trial.conflicts, trial.unordered)
+        return reasons if any(tried) else None
 
 
 def _list_unexamined(names: Iterable[str]) -> dict[str, LeftOut]:
     words = "was not tried in the time; --time-limit sets it"
+    return {name: LeftOut(name, "not examined", words) for name in sorted(names)}
+
+
+def _list_unordered(names: Iterable[str]) -> dict[str, LeftOut]:
+    words = "is in no order that was found in the time or number of checks"
     return {name: LeftOut(name, "not examined", words) for name in sorted(names)}
 
 

@@ -109,6 +109,8 @@ FURTHER_HOLDERS: tuple[Place, ...] = (
 _HOME, _HOME_M = 0.3, 0.35
 # Arms whose elbow does not bend far enough to stand that near above the table [m].
 _HOMES_M: Mapping[str, float] = {"iiwa7": 0.42, "iiwa14": 0.45}
+# Share of the reach within which arms with a long hand work that points straight down.
+_DOWNWARD: Mapping[str, float] = {"gen3_7dof": 0.88}
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,12 +203,18 @@ def lay_out_table(
 
 
 def _choose_goal(size_m: tuple[float, float, float], nearest_m: float, farthest_m: float) -> Place:
-    """Return the product's place: half a metre before the arm, a little to its left."""
+    """Return the product's place: half a metre before the arm, a little to its left.
+
+    A large product comes nearer, and then straight before the arm.
+    """
     y_m = min(0.12 + size_m[1] / 2, 0.25)
-    x_m = max(0.50, nearest_m + size_m[0] / 2)
-    corner = math.hypot(x_m, abs(y_m) + size_m[1] / 2)
-    if corner > farthest_m:
-        x_m = max(nearest_m + size_m[0] / 2, x_m - (corner - farthest_m))
+    least_m = nearest_m + size_m[0] / 2
+    x_m = max(0.50, least_m)
+    beyond_m = math.hypot(x_m + size_m[0] / 2, y_m + size_m[1] / 2) - farthest_m
+    if beyond_m > 0:
+        x_m = max(least_m, x_m - beyond_m)
+        room_m = math.sqrt(max(farthest_m**2 - (x_m + size_m[0] / 2) ** 2, 0.0))
+        y_m = min(y_m, max(0.0, room_m - size_m[1] / 2))
     return round(x_m, 3), round(y_m, 3)
 
 
@@ -397,12 +405,15 @@ class Places:
         Feeder of each part that has identical ones; keys are product names.
     without
         Product names of parts that do not fit within reach.
+    holders
+        Places of tools, which stay free.
     """
 
     upright: Upright
     tray: Tray
     feeders: Mapping[str, str]
     without: tuple[str, ...]
+    holders: tuple[Place, ...]
 
 
 def lay_out_parts(
@@ -415,8 +426,11 @@ def lay_out_parts(
     fixed: Collection[str] = (),
     tools: Collection[str] = (),
     presented: Collection[str] = (),
+    before: Places | None = None,
 ) -> Places:
     """Place the product, single parts and feeders.
+
+    What was tried stays where it was, as long as no part is new and the product's foot is the same.
 
     Parameters
     ----------
@@ -436,6 +450,8 @@ def lay_out_parts(
         Names of tools whose holders stay free.
     presented
         Parts that a feeder presents above the table.
+    before
+        Layout of more parts, in the same orientation.
     """
     upright = place_upright(gripped, up, (0.0, 0.0))
     feeders = dict(_feeders([part for part in parts if part.name not in fixed], names, taken))
@@ -450,15 +466,30 @@ def lay_out_parts(
         if (part in gripped or part.name in feeders) and part.name not in fixed:
             x, y, z = (float(extent) for extent in upright.size(part))
             items.setdefault(name, Item(name, (x, y, z)))
+    further = {_HOLDER_OF[tool] for tool in tools}.difference(HOLDERS)
+    holders = (*HOLDERS, *sorted(further))
+    if before is not None and _still_stands(gripped, items, holders, before):
+        kept = {name: before.tray.places[name] for name in items}
+        tray = Tray(before.tray.product_m, kept)
+        return Places(before.upright, tray, feeders, (), before.holders)
     points = np.concatenate([upright.vertices(part) for part in parts])
     x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
-    further = [_HOLDER_OF[tool] for tool in tools if _HOLDER_OF[tool] not in HOLDERS]
-    reach_m = ARMS[robot][0].works_within_m
-    layout = lay_out_table((x, y, z), list(items.values()), reach_m, (*HOLDERS, *further))
+    reach_m = ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
+    layout = lay_out_table((x, y, z), list(items.values()), reach_m, holders)
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
     )
-    return Places(place_upright(gripped, up, layout.product_m), layout, feeders, without)
+    upright = place_upright(gripped, up, layout.product_m)
+    return Places(upright, layout, feeders, without, holders)
+
+
+def _still_stands(
+    gripped: Sequence[Part], items: Iterable[str], holders: Iterable[Place], before: Places
+) -> bool:
+    """Return whether parts and tools stand where a layout of more parts has them."""
+    lowest_m = min(float(before.upright.vertices(part)[:, 2].min()) for part in gripped)
+    known = before.tray.places.keys() >= {*items} and {*before.holders} >= {*holders}
+    return known and abs(lowest_m) < _LEVEL_FEET_M
 
 
 def stands_alone(part: Part, upright: Upright) -> bool:
@@ -744,6 +775,7 @@ class TaskWriter:
     remarks: Mapping[str, str]
     holds: PartHolds
     shared: SharedMeshes
+    before: Places | None = None
     names: Mapping[str, str] = field(init=False)
     kept: tuple[Part, ...] = field(init=False)
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
@@ -775,7 +807,16 @@ class TaskWriter:
             if part.name not in fixed and self.holds.held(part.name).raised_m
         }
         self.places = lay_out_parts(
-            self.kept, self.gripped, self.names, known, up, self.robot, fixed, tools, self.raised_m
+            self.kept,
+            self.gripped,
+            self.names,
+            known,
+            up,
+            self.robot,
+            fixed,
+            tools,
+            self.raised_m,
+            self.before,
         )
         self.upright = self.places.upright
 

@@ -53,6 +53,8 @@ class Trial:
         Reasons why the arm cannot bring a part or drive a screw, by name.
     untried
         Parts and screws that a request to stop came before.
+    unordered
+        Parts and screws in no order that was found before the limits of time or checks.
     conflicts
         Reasons why parts and screws are in no order of all, by name; searched if nothing fails.
     skills
@@ -64,6 +66,7 @@ class Trial:
     refusals: Mapping[str, str] = field(default_factory=dict)
     failures: Mapping[str, Failure] = field(default_factory=dict)
     untried: tuple[str, ...] = ()
+    unordered: tuple[str, ...] = ()
     conflicts: Mapping[str, Conflict] = field(default_factory=dict)
     skills: tuple[str, ...] = ()
     doubt: str = ""
@@ -86,6 +89,8 @@ class TaskTrials:
         self._meshes: dict[str, tuple[Mapping[str, Any], MeshConfig]] = {}
         # Parts and screws that need no further trial.
         self._granted: set[str] = set()
+        # The order found last, if only of some parts of the task.
+        self._found: tuple[str, ...] = ()
 
     def __enter__(self) -> TaskTrials:
         return self
@@ -219,10 +224,19 @@ class TaskTrials:
         }
         needs |= {name: (screw.through,) for name, screw in config.screws.items()}
         self._watch.report(f"writing: finding an order of {len(task.operations)} parts")
-        order = find_order(task, feasibility, preferred, needs, self._watch.must_stop)
+        first = [name for name in self._found if name in task.operations]
+        listed = [*first, *(name for name in preferred if name not in first)]
+        order = find_order(task, feasibility, listed, needs, self._watch.must_stop)
+        missing = [name for name in task.operations if name not in order.parts]
+        self._found = order.parts or self._found
+        if order.parts and missing and not order.ended:
+            unordered = tuple(name for name in missing if name not in order.conflicts)
+            return Trial(conflicts=order.conflicts, unordered=unordered)
         if order.conflicts:
             return Trial(conflicts=order.conflicts)
         if not order.ended:
+            if len(first) == len(task.operations):
+                return Trial(doubt="its order was found with more parts, and not checked again")
             return Trial(doubt="no order was found in the time or number of checks")
         # With the paths between motions, from the place where the arm is then.
         whole = make_feasibility(task, Setup(collision=(SWEPT,)), feasibility.cache)

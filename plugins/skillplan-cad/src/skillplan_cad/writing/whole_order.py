@@ -49,7 +49,7 @@ class Order:
     Parameters
     ----------
     parts
-        Parts and screws that go in, in order.
+        Parts and screws that go in, in order: if the search was cut short, the most that did.
     skills
         Skills that bring them.
     conflicts
@@ -113,6 +113,7 @@ class _OrderSearch:
         # Parts that go in before a part: those that its skills require, and those learned.
         self._before = {name: set(self._list_required(name)) for name in task.operations}
         self._most = feasibility.checks + _CHECKS_A_PART * len(self._alive)
+        self._longest: list[str] = []
 
     def run(self) -> Order:
         conflicts: dict[str, Conflict] = {}
@@ -133,7 +134,10 @@ class _OrderSearch:
                 for before in self._before.values():
                     before -= {name, *gone}
         except _Spent:
-            return Order(tuple(order), (), conflicts, tuple(without), ended=False)
+            placed = self._longest
+            missing = {name: why for name, why in conflicts.items() if name not in placed}
+            skills = self._list_skills(placed)
+            return Order(tuple(placed), skills, missing, tuple(without), ended=False)
         return Order(tuple(order), self._list_skills(order), conflicts, tuple(without))
 
     def _list_required(self, name: str) -> Iterable[str]:
@@ -159,6 +163,8 @@ class _OrderSearch:
                 if verdict is None:
                     order.append(name)
                     left.remove(name)
+                    if len(order) > len(self._longest):
+                        self._longest = [*order]
                     break
                 failed[name] = verdict
             else:
