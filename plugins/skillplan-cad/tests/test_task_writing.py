@@ -13,6 +13,7 @@ import yaml
 
 from cad_fixtures import box, part_of, rod, step_path
 from cad_products import related
+from skillplan.cli import run
 from skillplan.robots import ARMS
 from skillplan_cad import (
     GraspFinder,
@@ -448,3 +449,38 @@ def test_a_product_that_is_drawn_lying_is_written_standing(eight):
     assert points[:, 2].min() == pytest.approx(0.0)
     assert upright.vector((0.0, 1.0, 0.0)) == pytest.approx((0.0, 0.0, 1.0))
     assert np.linalg.det(upright.matrix) == pytest.approx(1.0)
+
+
+# A block that is pushed sideways beneath the roof of a bracket of 0.26 kg.
+BRACKET = box(0, 0, 0, 60, 40, 5) + box(0, 30, 5, 60, 40, 25) + box(0, 14, 20, 60, 40, 25)
+BLOCK = box(10, -15, 5, 50, 29, 19.5)
+
+
+def push_block(density_kg_m3, nesting=True):
+    """Return the task of the bracket and the block."""
+    bracket = replace(part_of("bracket", BRACKET), density_kg_m3=density_kg_m3)
+    product = Product("push", (bracket, part_of("block", BLOCK)), "mm", 0.0)
+    known = related(product)
+    plan = Planner(product, known).plan("bracket", (0.0, 0.0, 1.0), ["bracket"])
+    bearing = find_best_bearing(product, known)
+    return build_task(product, known, plan, bearing=bearing, nesting=nesting)
+
+
+@pytest.mark.slow(reason="swept tries a task; fixtures of nests are checked in every run")
+def test_a_light_base_that_is_pushed_sideways_stands_in_a_nest(tmp_path, capsys):
+    task = push_block(7850.0)
+    assert task.names.keys() == {"bracket", "block"}
+    assert task.nest.entry["check"]["good"]
+    (nest,) = task.document["fixtures"].values()
+    bracket, block = (task.document["parts"][name] for name in ("bracket", "block"))
+    assert bracket["goal_on"] == ["nest"]
+    assert "goal_on" in block
+    assert "nest" not in block["goal_on"]
+    assert bracket["goal_m"][2] == pytest.approx(0.003)
+    assert block["goal_m"][2] == pytest.approx(0.008)
+    assert {nest["meshes"][0][key] for key in ("file", "pieces")} <= task.files.keys()
+    for name, content in task.files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(content, "utf-8")
+    assert run(["check", str(tmp_path / "product.yaml")]) == 0, capsys.readouterr().err
+    assert "fixtures" not in push_block(7850.0, nesting=False).document

@@ -265,6 +265,15 @@ def command(
             rich_help_panel=PLANNING,
         ),
     ] = False,
+    no_nests: Annotated[
+        bool,
+        typer.Option(
+            "--no-nests",
+            help="Leave the base on the table of the task. Without the option it stands in a nest "
+            "if other parts would push it aside, or if an arm cannot drive its level screws there.",
+            rich_help_panel=PLANNING,
+        ),
+    ] = False,
     jobs: Jobs = 1,
     no_cache: Annotated[
         bool,
@@ -340,6 +349,7 @@ def command(
             "density_kg_m3": density,
             "material": material,
             "nests": nests,
+            "nesting": not no_nests,
             "jobs": jobs,
             "holding": not no_holders,
             "keep": not no_cache,

@@ -34,7 +34,7 @@ from skillplan_cad.writing.build_task import build_task
 from skillplan_cad.writing.fit_play import PLAY_M
 from skillplan_cad.writing.held_part import GRIPPERS, KnownHolds, PartHolds
 from skillplan_cad.writing.pieces_proof import ProvedPieces
-from skillplan_cad.writing.task_document import WrittenTask
+from skillplan_cad.writing.task_document import TaskNest, WrittenTask
 from skillplan_cad.writing.upright import Upright
 
 
@@ -343,12 +343,16 @@ def plan_product(
         document |= _build_task_document(task, relation)
         lines += _describe_grippers(task)
         lines += _describe_order(task)
+        if task.nest is not None:
+            document["nests"] = [dict(task.nest.entry)]
+            files |= task.nest.files
+            lines.append(_describe_nest(task.nest))
         warnings += _list_task_warnings(task, document["pieces"])
     else:
         warnings.append("No part is left that one arm could place: no product.yaml is written.")
     if settings.nests:
         nests = plan_nests(findings.product, plan, writing)
-        document["nests"] = list(nests.entries)
+        document["nests"] = [*document.get("nests", ()), *nests.entries]
         files |= nests.files
         lines += nests.lines
         warnings += nests.warnings
@@ -433,10 +437,19 @@ def _write_task(
         longer,
         holding=settings.holding,
         known=known,
+        nesting=settings.nesting,
     )
     if task.document and task.document["robot"]["model"] != arm:
         lines.append(f"arm {longer}: it brings parts that are out of reach of {arm}")
     return task
+
+
+def _describe_nest(nest: TaskNest) -> str:
+    size = " x ".join(f"{value:.0f}" for value in nest.entry["size_mm"])
+    return (
+        f"{nest.seated[0]} {nest.reason}: it stands in a nest of {size} mm, to be printed from "
+        f"{nest.entry['files']['stl']}; --no-nests leaves it on the table"
+    )
 
 
 def list_stuck(plan: AssemblyPlan, relation: Relation) -> dict[str, LeftOut]:
@@ -653,6 +666,7 @@ def _list_task_warnings(task: WrittenTask, pieces: Mapping[str, Any]) -> list[st
     limits = [f"{_name_first(names)} {words}." for words, names in names_of.items()]
     return [
         *(f"check refuses product.yaml: {words}" for words in task.faults),
+        *([f"the base has no nest: {task.why_no_nest}."] if task.why_no_nest else []),
         *shorten_list(limits, "limits"),
         *_list_piece_warnings(pieces),
     ]

@@ -61,6 +61,8 @@ class ImportSettings:
         Materials of parts, as ``PATTERN=MATERIAL``.
     nests
         True to cut a nest for each orientation of the plan.
+    nesting
+        True if the base of the task may stand in a nest.
     holding
         True if parts that do not stay where they are put may be held by supports of their own.
     keep
@@ -90,6 +92,7 @@ class ImportSettings:
     density_kg_m3: float = STEEL_KG_M3
     material: tuple[str, ...] = ()
     nests: bool = False
+    nesting: bool = True
     jobs: int = 1
     holding: bool = True
     keep: bool = True

@@ -17,10 +17,12 @@ from skillplan_cad.nests.nest_document import build_nest_document, format_nest_f
 from skillplan_cad.nests.stepped_mesh import Body
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.watch import Watch
-from skillplan_cad.product import Part, Product
+from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.writing.upright import compute_rotation_to_z
 
-_FOLDER = "nests"
+NEST_FOLDER = "nests"
+"""Folder of the nests in the output."""
+
 # Cosine above which a move is straight down.
 _DOWN = 1 - 1e-6
 _NAMED = 4
@@ -120,7 +122,8 @@ def _make(
         if float(np.dot(step.along, up)) < -_DOWN and not step.path:
             room += coming
         else:
-            free.append(_keep_way_free(coming, step, settings.clearance_m))
+            winds = bool(step.path)
+            free.append(keep_way_free(coming, step.along, up, settings.clearance_m, winds=winds))
     nest = build_nest(room, settings, up, free)
     check = check_nest([_get_body(part) for part in seated], nest, free)
     if len(room) > len(seated):
@@ -132,11 +135,11 @@ def _make(
     if not check.is_good:
         return entry, {}
     files = {
-        f"{_FOLDER}/{name}": content
+        f"{NEST_FOLDER}/{name}": content
         for name, content in format_nest_files(label, drop_bad_coarse(room, nest, free)).items()
     }
     entry["files"] = {
-        name.removeprefix(f"{_FOLDER}/{label}.").replace(".", "_"): name for name in files
+        name.removeprefix(f"{NEST_FOLDER}/{label}.").replace(".", "_"): name for name in files
     }
     return entry, files
 
@@ -161,15 +164,25 @@ def _get_body(part: Part) -> Body:
     return part.vertices_m, part.triangles
 
 
-def _keep_way_free(bodies: Sequence[Body], step: Step, clearance_m: float) -> KeepFree:
-    """Return the region that parts cross on a way that is not straight down."""
-    turn = compute_rotation_to_z(step.up)
+def keep_way_free(
+    bodies: Sequence[Body], along: Vector, up: Vector, clearance_m: float, *, winds: bool = False
+) -> KeepFree:
+    """Return the region that parts cross on a way that is not straight down.
+
+    Parameters
+    ----------
+    along
+        Direction in which they come.
+    winds
+        True if they come by several moves, so the nest is open through its base.
+    """
+    turn = compute_rotation_to_z(up)
     points = np.concatenate([vertices for vertices, _ in bodies]) @ turn.T
-    along = turn @ np.asarray(step.along)
+    way = turn @ np.asarray(along)
     # From outside of the nest, which is not wider than the product with its walls.
-    back = points[:, :2] - (1.0 if abs(along[2]) < _DOWN else 0.0) * along[:2]
+    back = points[:, :2] - (1.0 if abs(way[2]) < _DOWN else 0.0) * way[:2]
     hull = shapely.MultiPoint(np.concatenate([points[:, :2], back])).convex_hull
     outline = shapely.get_coordinates(hull.buffer(clearance_m, quad_segs=4))[:-1]
-    from_below = along[2] > 1e-6 or bool(step.path)
+    from_below = way[2] > 1e-6 or winds
     floor_m = -math.inf if from_below else float(points[:, 2].min()) - clearance_m
     return KeepFree(outline, floor_m)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from skillplan_cad.nests.task_nest import Coming, NestChoice
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.planning.bearing import (
     ATTITUDES,
@@ -52,6 +54,7 @@ def build_task(
     *,
     holding: bool = False,
     known: KnownHolds | None = None,
+    nesting: bool = False,
 ) -> WrittenTask:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
@@ -80,14 +83,25 @@ def build_task(
         True if parts that do not stay may be held by supports of their own, as in `bearing`.
     known
         Tools and grasps that were found before.
+    nesting
+        True if a base that later parts would push aside stands in a nest.
     """
     watch = watch or Watch()
     cuts, known = Cuts(product), known or KnownHolds()
 
     def build(bearing: Bearing, arm: str, least_weight: float = 0.0) -> WrittenTask:
         with TaskTrials(watch) as trials:
+            nests = NestChoice(relation, bearing.up) if nesting else None
             builder = _TaskBuilder(
-                product, relation, plan, arm, bearing, remarks or {}, known, holding=holding
+                product,
+                relation,
+                plan,
+                arm,
+                bearing,
+                remarks or {},
+                known,
+                holding=holding,
+                nests=nests,
             )
             return builder.build(absent, cuts, trials, watch, least_weight)
 
@@ -173,8 +187,9 @@ class _TaskBuilder:
         known: KnownHolds,
         *,
         holding: bool,
+        nests: NestChoice | None,
     ) -> None:
-        self._holding, self._given = holding, relation
+        self._holding, self._given, self._nests = holding, relation, nests
         relation = hold_mates(relation, bearing.up) if holding else relation
         self._product, self._relation, self._plan = product, relation, plan
         self._robot, self._bearing, self._remarks = robot, bearing, remarks
@@ -240,6 +255,7 @@ class _TaskBuilder:
                 self._leave_out({name: LeftOut(name, "no place", words) for name in far})
                 continue
             places = writer.places
+            self._seat(writer)
             task = writer.write(proof)
             unfinished = {part.name for part in writer.gripped} - task.pieces.pieces.keys()
             if unfinished:
@@ -248,13 +264,75 @@ class _TaskBuilder:
             names = [name for name in self._holds.list_order() if name in task.names]
             order = [task.names[name] for name in names]
             trial = trials.try_task(task.document, task.files, order)
+            if self._retreat(task, trial) or self._lift(trial):
+                trials.forget(*order)
+                continue
             general = trial.refusals.get("")
             if general is not None and len(trial.refusals) == 1:
                 return replace(task, faults=(general,))
             more = self._judge(trial, {task.names[name]: name for name in task.names}, trials)
             if more is None:
-                return replace(task, skills=trial.skills, doubt=trial.doubt)
+                why_no_nest = "" if self._nests is None else self._nests.why_none
+                return replace(
+                    task, skills=trial.skills, doubt=trial.doubt, why_no_nest=why_no_nest
+                )
             self._leave_out(more)
+
+    def _seat(self, writer: TaskWriter) -> None:
+        """Put the base into a nest if it needs one, and can have one."""
+        if self._nests is None:
+            return
+        turn, comings = writer.upright.matrix, dict[str, Coming]()
+        for part in writer.kept:
+            fastener = self._relation.fastener(part.name)
+            if fastener is not None and part.name in self._relation.driven:
+                x, y, z = fastener.axis
+                comings[part.name] = Coming(part, ((-x, -y, -z),))
+            else:
+                ways = np.array(writer.list_directions(part)) @ turn
+                stands = not self._bearing.on[part.name] and part.name not in self._bearing.held
+                comings[part.name] = Coming(part, tuple((x, y, z) for x, y, z in ways), stands)
+        base = self._holds.base
+        if self._bearing.on.get(base) != ():
+            # One part may bear all others.
+            standing = [name for name, coming in comings.items() if coming.stands]
+            base = standing[0] if len(standing) == 1 else ""
+        if base not in comings:
+            return
+        nest = self._nests.choose(
+            writer.name_nest(),
+            comings.pop(base),
+            tuple(comings.values()),
+            is_fixed=base in self._holds.fixed,
+        )
+        if nest is not None:
+            writer.seat(nest)
+
+    def _retreat(self, task: WrittenTask, trial: Trial) -> bool:
+        """Return whether the arm or a part met the nest; then a shallower one is tried, or none."""
+        if task.nest is None or self._nests is None:
+            return False
+        texts = [
+            *trial.refusals.values(),
+            *(failure.text for failure in trial.failures.values()),
+            *(conflict.text for conflict in trial.conflicts.values()),
+        ]
+        is_named = re.compile(rf"(?<![\w-]){re.escape(task.nest.name)}(?![\w-])")
+        words = next((text for text in texts if is_named.search(text)), None)
+        if words is not None:
+            self._nests.retreat(words)
+        return words is not None
+
+    def _lift(self, trial: Trial) -> bool:
+        """Return whether the base is tried at another height, for parts that meet the table."""
+        if self._nests is None:
+            return False
+        failures = trial.failures.values()
+        is_low = any(
+            failure.text.startswith(("place", "fasten")) and "the table" in failure.text
+            for failure in failures
+        )
+        return self._nests.lift(len(failures), is_low=is_low)
 
     def _list_left_out(self) -> dict[str, LeftOut]:
         reasons = {**self._bearing.why_not, **self._bearing.undriven}

@@ -700,6 +700,34 @@ _HEADER = """\
 """
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TaskNest:
+    """A nest of the task, in which its first parts stand.
+
+    Parameters
+    ----------
+    name
+        Name of the fixture.
+    reason
+        Why the base needs it, as a clause that follows the base's name.
+    seated
+        Product names of the parts that stand on its floor, the base first.
+    origin_m
+        Centre of its bottom in the product's frame turned upright.
+    files
+        Meshes by path within the folder.
+    entry
+        Its entry of `skillplan.nest/1`.
+    """
+
+    name: str
+    reason: str
+    seated: tuple[str, ...]
+    origin_m: tuple[float, float, float]
+    files: Mapping[str, str | bytes]
+    entry: Mapping[str, Any]
+
+
 @dataclass(frozen=True, slots=True)
 class WrittenTask:
     """A task before it is written to disk.
@@ -726,6 +754,10 @@ class WrittenTask:
         Convex pieces by product name, with the pairs that they block wrongly.
     bearing
         Supports of the parts in the task's orientation.
+    nest
+        Nest of the base; None if it stands on the table.
+    why_no_nest
+        Why a base that needs a nest has none, as a clause; empty otherwise.
     """
 
     document: Mapping[str, Any]
@@ -739,6 +771,8 @@ class WrittenTask:
     bearing: Bearing
     skills: tuple[str, ...] = ()
     doubt: str = ""
+    nest: TaskNest | None = None
+    why_no_nest: str = ""
 
 
 @dataclass
@@ -785,6 +819,7 @@ class TaskWriter:
     raised_m: Mapping[str, float] = field(init=False)
     places: Places = field(init=False)
     upright: Upright = field(init=False)
+    nest: TaskNest | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         taken = {*_HOLDER_OF, self.robot, "world", "home"}
@@ -820,6 +855,17 @@ class TaskWriter:
         )
         self.upright = self.places.upright
 
+    def name_nest(self) -> str:
+        """Return the name of the nest as a fixture."""
+        taken = {*_HOLDER_OF, self.robot, "world", "home", *self.names.values()}
+        return assign_task_names(["nest"], taken | set(self.places.feeders.values()))["nest"]
+
+    def seat(self, nest: TaskNest) -> None:
+        """Put the product into a nest, which stands on the table."""
+        self.nest = nest
+        x, y, _ = (float(value) for value in self.upright.offset_m)
+        self.upright = replace(self.upright, offset_m=np.array([x, y, -nest.origin_m[2]]))
+
     def write(self, proof: PieceProof) -> WrittenTask:
         """Return the written task; its pieces lack parts that a request to stop came before."""
         files: dict[str, str] = {}
@@ -847,6 +893,8 @@ class TaskWriter:
             for notes in (self.remarks, self.holds.fixed):
                 if name in notes:
                     self._note(name, notes[name])
+        if self.nest is not None:
+            files |= {path: text for path, text in self.nest.files.items() if isinstance(text, str)}
         document = self._build_document(parts, screws)
         text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         limits = {name: tuple(lines) for name, lines in self.limits.items()}
@@ -861,6 +909,7 @@ class TaskWriter:
             self.upright,
             proved,
             replace(self.bearing, held=tuple(self._list_held())),
+            nest=self.nest,
         )
 
     def _add_pieces(
@@ -905,6 +954,7 @@ class TaskWriter:
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
             "feeders": self._feeders(),
+            "fixtures": self._build_fixtures(),
             "parts": parts,
             "screws": screws,
             "holders": self._build_holders(),
@@ -924,7 +974,18 @@ class TaskWriter:
         held = [name for name in self.bearing.held if name in self.names]
         if held and base not in held and base in self.names:
             held = [base, *held]
-        return [name for name in held if name not in fixed]
+        kept = {*fixed, *(self.nest.seated if self.nest is not None else ())}
+        return [name for name in held if name not in kept]
+
+    def _build_fixtures(self) -> dict[str, Any]:
+        """Return the nest as a fixture."""
+        if self.nest is None:
+            return {}
+        files = self.nest.entry["files"]
+        place = np.asarray(self.nest.origin_m) + self.upright.offset_m
+        at_m = [round(float(value), 7) + 0.0 for value in place[:2]]
+        meshes = [{"file": files["obj"], "pieces": files["pieces_obj"]}]
+        return {self.nest.name: {"meshes": meshes, "at_m": at_m}}
 
     def _build_holders(self) -> dict[str, Any]:
         """Return a support for each part that is held."""
@@ -986,9 +1047,11 @@ class TaskWriter:
             for bearer in self.bearing.on.get(part.name, ())
             if bearer in self.names
         ]
+        if self.nest is not None and part.name in self.nest.seated:
+            on.insert(0, self.nest.name)
         if on:
             entry["goal_on"] = on
-        ways = self._list_directions(part)
+        ways = self.list_directions(part)
         if ways != [[0.0, 0.0, -1.0]] and not fixed:
             entry["insert_along"] = ways
             stroke_m = self._find_stroke_m(part, ways)
@@ -1038,7 +1101,7 @@ class TaskWriter:
             entries.append({"file": path, "centre_m": centre})
         return entries
 
-    def _list_directions(self, part: Part) -> list[list[float]]:
+    def list_directions(self, part: Part) -> list[list[float]]:
         """Return up to three directions for bringing a part, down or that of the plan first."""
         order = self.bearing.order
         before = order[: order.index(part.name)] if part.name in order else ()

@@ -98,9 +98,9 @@ class TaskTrials:
     def __exit__(self, *error: object) -> None:
         self._folder.cleanup()
 
-    def forget(self, name: str) -> None:
-        """Try a part or screw again."""
-        self._granted.discard(name)
+    def forget(self, *names: str) -> None:
+        """Try parts and screws again."""
+        self._granted.difference_update(names)
 
     def try_task(
         self, document: Mapping[str, Any], files: Mapping[str, str], order: Sequence[str]
@@ -278,7 +278,7 @@ def _list_supports(config: AssemblyConfig, name: str) -> list[str]:
     waiting = [name]
     while waiting:
         for other in config.parts[waiting.pop()].goal_on or ():
-            if other not in supports:
+            if other in config.parts and other not in supports:
                 supports.append(other)
                 waiting.append(other)
     return supports
@@ -287,7 +287,7 @@ def _list_supports(config: AssemblyConfig, name: str) -> list[str]:
 def _list_facts(task: Task, config: AssemblyConfig, before: Sequence[str], name: str) -> set[str]:
     """Return the facts that hold when a part's turn comes, with the hand over the home place."""
     owner = config.parts[name] if name in config.parts else config.screws[name]
-    facts = {f"tool({owner.tool})", "hand_free", "at(home)"}
+    facts = {f"tool({owner.tool})", "hand_free", "at(home)", "fixed"}
     for part, entry in config.parts.items():
         placed = entry.fixed or part in before
         facts.add(f"placed({part})" if placed else f"at_start({part})")
