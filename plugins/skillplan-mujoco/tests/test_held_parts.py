@@ -66,7 +66,9 @@ class Swing:
 class Held:
     """A part between the jaws of an arm in a world of its own, held by what friction can."""
 
-    def __init__(self, task: Task, held_m: float = 0.06) -> None:
+    def __init__(
+        self, task: Task, held_m: float = 0.06, force_n: float = SETTINGS.grip_force_n
+    ) -> None:
         (robot,) = task.scene.robots
         self.world, self.arm = MujocoSimulator(task, SETTINGS).cell(get_hand(robot))
         self.begin_rad = np.array(self.arm.kinematics.home_rad)
@@ -79,7 +81,7 @@ class Held:
         self.at_work = ControlledRobot(self.world, self.arm, task.scene, SETTINGS, robot.tools[0])
         self.at_work.carry("part")
         helping = self.arm.grip("part")
-        self.arm.close(SETTINGS.grip_force_n)
+        self.arm.close(force_n)
         self.at_work.wait(0.5)
         self.world.release(helping)
         self.at_work.clasp("part")
@@ -128,6 +130,15 @@ def test_finger_tips_as_thick_as_two_margins_hold_a_part():
     profile_m = [[0.0, 0.003, 0.0, 0.004], [0.05, 0.003, 0.0, 0.004]]
     slip_mm, _ = Held(task_with(BLOCK, 0.1, jaw_profile_m=profile_m)).swung()
     assert slip_mm < 0.1
+
+
+@pytest.mark.parametrize("thick_m", [0.004, 0.02])
+def test_jaws_grip_thin_parts_with_the_force_of_their_tool(thick_m):
+    held = Held(task_with({"size_m": [thick_m, 0.02, 0.08]}, 0.1), force_n=60.0)
+    points = held.world.points_on("part")
+    for jaw in FINGERS:
+        pressed_n = sum(point.normal_n for point in points if point.second == jaw)
+        assert pressed_n == pytest.approx(60.0, rel=0.05)
 
 
 def test_jaws_press_alike_on_what_they_hold_and_on_what_slips():

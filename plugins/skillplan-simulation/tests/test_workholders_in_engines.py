@@ -100,3 +100,45 @@ def test_a_joined_part_is_where_its_members_were(engine):
     assert not set(members) & rows[-1].bodies.keys()
     stood, joined = rows[0].bodies["block"], rows[-1].bodies["valve"]
     assert math.dist(joined.position, stood.position) < 1e-4
+
+
+# A shelf of 20.5 mm, open along x, and a board of 20 mm that a cup pushes in.
+DRAWER = """
+kind: assembly
+name: drawer
+robot: {name: panda, model: panda, home_m: [0.4, 0.0], safe_height_m: 0.25}
+tools: {cup: {type: suction, holder_m: [0.3, -0.4], cup_diameter_m: 0.02}}
+initial_tool: cup
+parts:
+  shelf:
+    fixed: true
+    mass_kg: 1.0
+    goal_m: [0.5, 0.1]
+    boxes:
+    - {size_m: [0.04, 0.08, 0.02], centre_m: [0.0, 0.0, 0.01]}
+    - {size_m: [0.04, 0.08, 0.02], centre_m: [0.0, 0.0, 0.0505]}
+    - {size_m: [0.04, 0.01, 0.0205], centre_m: [0.0, -0.035, 0.03025]}
+    - {size_m: [0.04, 0.01, 0.0205], centre_m: [0.0, 0.035, 0.03025]}
+  board:
+    tool: cup
+    grasp: {at_m: [0.055, 0.0]}
+    mass_kg: 0.3
+    boxes: [{size_m: [0.15, 0.0596, 0.02], centre_m: [0.0, 0.0, 0.01]}]
+    start_m: [0.5, -0.2]
+    goal_m: [0.512, 0.1, 0.02]
+    goal_on: [shelf]
+    insert_along: [[-1.0, 0.0, 0.0]]
+holders: {fork: {kind: hold, parts: board, stays: true}}
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_cup_brings_a_part_level_and_to_its_holder(engine, tmp_path):
+    """The gap of the lip is there all the way, and when the holder takes the part."""
+    path = tmp_path / "drawer.yaml"
+    path.write_text(DRAWER)
+    start = load_problem(path, {"physics": (), "collision": ()}).task.initial
+    physics, task = make_engine(engine, path, *start)
+    done, _ = perform(physics, task, "pick(board)", "place(board)")
+    assert done.failed is None
+    assert max(arrival.offset_m for arrival in done.arrivals) < 2e-4

@@ -124,6 +124,8 @@ def _iterate_corners(shape: Shape) -> Iterator[Sequence[float]]:
 _BODY_KG, _JAW_KG = 0.73, 0.05
 # Inertia of a jaw's drive, as a mass at the jaw [kg].
 _DRIVE_KG = 0.1
+# Greatest way of a jaw from the middle [m].
+_MOST_OPENING_M = 1.0
 _JAW_SIDES = (1, -1)
 
 
@@ -191,6 +193,9 @@ def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> N
         slide = jaw.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE)
         slide.axis = (0.0, float(side), 0.0)
         slide.armature = _DRIVE_KG
+        # Closed jaws meet.
+        slide.limited, slide.range = True, (0.0, _MOST_OPENING_M)
+        slide.solref_limit, slide.solimp_limit = STIFF, BOND_SHARE
         for number, hand in enumerate(hands):
             for piece in make_jaw_pieces(hand, side):
                 _name_geometry(spec, add_piece(spec, jaw, piece, friction), number)

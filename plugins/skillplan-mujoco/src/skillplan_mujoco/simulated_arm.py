@@ -32,6 +32,7 @@ from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
     HAND,
     ROBOT,
+    STEP_S,
     STEPS_PER_S,
     Arm,
 )
@@ -41,6 +42,10 @@ Vector = NDArray[np.float64]
 
 # Stiffness of the null-space motion towards the posture [1/s2].
 _NULLSPACE_STIFFNESS_PER_S2 = 400.0
+# Springs of a tip that yields, as of a compliance device [N/m], [N m/rad]; their damping ratio, and
+# steps of control in a step of the world: the hand is light.
+_SPRING_N_PER_M, _SPRING_NM_PER_RAD = 1e4, 200.0
+_SPRING_DAMPING, _SPRING_STEPS = 0.7, 4
 # Share of a joint's lag that position control removes in one step [-].
 _SERVO_SHARE = 0.3
 
@@ -70,7 +75,12 @@ class ArmState:
 
 
 def compute_torques(
-    state: ArmState, setpoint: Setpoint, stiffness_per_s2: float, load: Vector
+    state: ArmState,
+    setpoint: Setpoint,
+    stiffness_per_s2: float,
+    load: Vector,
+    *,
+    yields: bool = False,
 ) -> Vector:
     """Return joint torques [N m], shape (joints,).
 
@@ -82,6 +92,9 @@ def compute_torques(
         Stiffness per unit of inertia; damping is critical.
     load
         Additional force [N] and moment [N m] that the tip exerts, shape (6,).
+    yields
+        True if the tip is on damped springs, which contacts push aside. A tip that is accelerated
+        like a free mass presses across its way where contacts stop it.
     """
     if setpoint.tracks_joints and setpoint.joints is not None:
         gain = (
@@ -98,9 +111,14 @@ def compute_torques(
     # Column: joint accelerations caused by a unit force or moment at the tip.
     yielding = solve_linear(state.mass, jacobian.T)
     pull = _compute_pull(state, setpoint)
-    # Remove the component of the pull that would move the tip.
-    lacking = _compute_acceleration(state, setpoint, stiffness_per_s2) - multiply(jacobian, pull)
-    wrench = solve_linear(multiply_matrices(jacobian, yielding), lacking) + load
+    # Both remove the component of the pull that would move the tip.
+    mobility = multiply_matrices(jacobian, yielding)
+    if yields:
+        springs = _compute_springs(state, setpoint, mobility)
+        wrench = springs + load - solve_linear(mobility, multiply(jacobian, pull))
+    else:
+        lacking = _compute_acceleration(state, setpoint, stiffness_per_s2)
+        wrench = solve_linear(mobility, lacking - multiply(jacobian, pull)) + load
     return multiply_transposed(jacobian, wrench) + state.bias + multiply(state.mass, pull)
 
 
@@ -123,19 +141,41 @@ def compute_posture_torques(state: ArmState, posture: Vector, load: Vector) -> V
 
 def _compute_acceleration(state: ArmState, setpoint: Setpoint, stiffness_per_s2: float) -> Vector:
     """Return the target acceleration of the tip, linear before angular, shape (6,)."""
+    damping_per_s = 2 * math.sqrt(stiffness_per_s2)
+    gains = [
+        stiffness_per_s2 * away + damping_per_s * lag
+        for away, lag in zip(*_compute_errors(state, setpoint), strict=True)
+    ]
+    for axis, gain in enumerate(setpoint.acceleration.tolist()):
+        gains[axis] += gain
+    return np.array(gains)
+
+
+def _compute_errors(state: ArmState, setpoint: Setpoint) -> tuple[list[float], list[float]]:
+    """Return the lags of the tip in pose and velocity, linear before angular, six each."""
     # Floats are faster here than arrays of three.
     away = (setpoint.position - state.tip.position).tolist()
     away += compute_rotation_left(state.tip.rotation, setpoint.rotation)
     rates = [*setpoint.velocity.tolist(), *setpoint.spin_rad_per_s.tolist()]
     moves = multiply(state.jacobian, state.rates).tolist()
-    damping_per_s = 2 * math.sqrt(stiffness_per_s2)
-    gains = [
-        stiffness_per_s2 * lack + damping_per_s * (rate - move)
-        for lack, rate, move in zip(away, rates, moves, strict=True)
-    ]
-    for axis, gain in enumerate(setpoint.acceleration.tolist()):
-        gains[axis] += gain
-    return np.array(gains)
+    return away, [rate - move for rate, move in zip(rates, moves, strict=True)]
+
+
+def _compute_springs(state: ArmState, setpoint: Setpoint, mobility: Vector) -> Vector:
+    """Return the force [N] and moment [N m] of damped springs on the tip, shape (6,).
+
+    Parameters
+    ----------
+    mobility
+        Accelerations of the tip by unit forces and moments, shape (6, 6).
+    """
+    away, lag = map(np.array, _compute_errors(state, setpoint))
+    springs = np.zeros(6)
+    for rows, stiffness in ((slice(0, 3), _SPRING_N_PER_M), (slice(3, 6), _SPRING_NM_PER_RAD)):
+        inertia = 3 / sum(mobility.diagonal()[rows].tolist())
+        damping = _SPRING_DAMPING * 2 * math.sqrt(stiffness * inertia)
+        springs[rows] = stiffness * away[rows] + damping * lag[rows]
+    return springs
 
 
 def _compute_pull(state: ArmState, setpoint: Setpoint) -> Vector:
@@ -179,6 +219,8 @@ class SmoothPads(StaticFriction):
 
 # Stiffness [N/m] and damping [N s/m] of a jaw's position control. Its force saturates on a part.
 _JAW_STIFFNESS_N_PER_M, _JAW_DAMPING_N_S_PER_M = 4000.0, 40.0
+# Lag of a jaw that meets a part [m], and the time in which its force then grows [s].
+_BLOCKED_M, _GROWS_S = 0.001, 0.1
 
 
 class SimulatedArm(Arm):
@@ -267,11 +309,29 @@ class SimulatedArm(Arm):
         left, right = self.world.data.qpos[self._jaws].tolist()
         return float(left + right)
 
+    def close(self, force_n: float, *, outwards: bool = False) -> None:
+        """Begin to close the jaws, or to open them inside a hole, until they grip with a force."""
+        super().close(force_n, outwards=outwards)
+        # Beyond the part, so that thin parts feel the whole force, too.
+        beyond_m = force_n / _JAW_STIFFNESS_N_PER_M
+        self._jaw_goal_m += beyond_m if outwards else -beyond_m
+
     def actuate(self) -> None:
         """Set torques and jaw forces for the next step."""
-        assert self.setpoint is not None
+        # Servos of joints do not yield.
+        count = _SPRING_STEPS if self.yields and self.settings.control == "osc" else 1
+        self.world.divide(count)
         self.world.prepare()
         self._move_jaws()
+        self._set_torques()
+        for _ in range(count - 1):
+            self.world.advance()
+            self.world.prepare()
+            self._set_torques()
+
+    def _set_torques(self) -> None:
+        """Set the torques of the joints for the state of the world."""
+        assert self.setpoint is not None
         jacobian, state = self._jacobian, self._state
         mujoco.mj_jacSite(self.world.model, self.world.data, jacobian[:3], jacobian[3:], self._site)
         state.mass = self.world.data.M[self._entries]
@@ -281,7 +341,11 @@ class SimulatedArm(Arm):
             torques_nm = compute_posture_torques(state, self._posture, self._load())
         else:
             torques_nm = compute_torques(
-                state, self.setpoint, self.settings.stiffness_per_s2, self._load()
+                state,
+                self.setpoint,
+                self.settings.stiffness_per_s2,
+                self._load(),
+                yields=self.yields,
             )
         self._applied[:] = np.minimum(np.maximum(torques_nm, -self.limit_nm), self.limit_nm)
 
@@ -323,6 +387,12 @@ class SimulatedArm(Arm):
         return load
 
     def _move_jaws(self) -> None:
+        lag_m = self._jaw_target_m - self.jaw_width_m() / 2
+        if abs(lag_m) > _BLOCKED_M:
+            # Target and force grow faster on a part.
+            grown_m = self._jaw_force_n / _JAW_STIFFNESS_N_PER_M * STEP_S / _GROWS_S
+            left_m = self._jaw_goal_m - self._jaw_target_m
+            self._jaw_target_m += max(-grown_m, min(grown_m, left_m))
         self._advance_jaws()
         most_n = self._jaw_force_n
         for jaw in self._jaws:

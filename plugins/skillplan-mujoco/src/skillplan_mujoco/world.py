@@ -18,6 +18,7 @@ from skillplan_simulation import simulator
 from skillplan_simulation.simulator import (
     CARRIER,
     ROBOT,
+    STEP_S,
     TABLE,
     Touch,
     UpsetError,
@@ -184,6 +185,7 @@ class World(simulator.World):
         super().__init__(cell.friction)
         self.cell = cell
         self.model, self.data, self.ids = cell.model, cell.start(), cell.ids
+        self.divide(1)
         self.numbers[TABLE] = self.ids[TABLE]
         self.filters: PairMasks = PairMasks(self.model, cell.owners, self.numbers)
         self._is_prepared = False
@@ -213,11 +215,19 @@ class World(simulator.World):
             self._is_prepared, self._touches = True, None
 
     def step(self) -> None:
-        """Advance by 1/240 s."""
+        """Advance by 1/240 s, or by the last part of a divided step."""
         self.prepare()
+        self.advance()
+        self.steps += 1
+
+    def divide(self, count: int) -> None:
+        """Divide each step from now on, whose parts `advance` and at last `step` simulate."""
+        self.model.opt.timestep = STEP_S / count
+
+    def advance(self) -> None:
+        """Simulate a prepared part of a step."""
         mujoco.mj_step2(self.model, self.data)
         self._is_prepared, self._touches = False, None
-        self.steps += 1
 
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
         """Put a body at a pose; all can be moved, except those that a task fixes."""

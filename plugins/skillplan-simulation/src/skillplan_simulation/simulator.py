@@ -293,6 +293,9 @@ class Arm(Protocol):
         Payload of the hand [kg], and the bodies it consists of.
     press_n
         Force that the tip presses with [N], shape (3,).
+    yields
+        True if contacts may push the tip aside, as on the springs of a compliance device. Arms
+        whose simulator is too coarse for such springs stay stiff.
     shows_hand
         True if hand and fingers are present: not with another tool, or without a tool.
     """
@@ -304,6 +307,7 @@ class Arm(Protocol):
     payload_kg: float
     bears: tuple[str, ...]
     press_n: Vector
+    yields: bool
     setpoint: Setpoint | None
     shows_hand: bool
     limit_nm: Vector
@@ -314,7 +318,7 @@ class Arm(Protocol):
     def __init__(self, robot: Robot) -> None:
         self.robot, self.kinematics = robot, get_kinematics(robot)
         self.payload_kg, self.bears, self.press_n = 0.0, (), np.zeros(3)
-        self.setpoint, self.shows_hand = None, True
+        self.setpoint, self.shows_hand, self.yields = None, True, False
         self.limit_nm = np.array(assume_masses(robot.model).torque_nm)
 
     def fit(self, hand: Hand) -> None:

@@ -18,7 +18,7 @@ from skillplan.task.pose import DOWN
 from skillplan_cad.joints.cylinder_fits import CylinderFit
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.planning.precedence import encode_set
-from skillplan_cad.product import Part, Points, Product, make_solid
+from skillplan_cad.product import Part, Points, Product, Vector, make_solid
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import Pieces, build_mesh
 from skillplan_cad.writing.upright import Upright
@@ -44,8 +44,8 @@ _INWARD = 0.02
 # Largest share of a piece that a chamfer takes.
 _SHARE = 0.25
 _DECIMALS = 6
-# Difference between components of directions that are one.
-_SAME = 1e-6
+# Difference between components of directions that are one, and height of a level direction.
+_SAME = _LEVEL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,14 +79,30 @@ class Loosened:
     fits: tuple[Played, ...]
 
 
-def can_come_down(relation: Relation, upright: Upright, name: str, before: Sequence[str]) -> bool:
-    """Return whether a part can come straight down beside the parts that are in place before."""
+def list_free_directions(
+    relation: Relation, upright: Upright, name: str, before: Sequence[str]
+) -> list[tuple[Vector, int]]:
+    """Return the directions, none upwards, in which a part can come beside those before it.
+
+    Each comes with the parts that block it, as bits.
+    """
     there = encode_set([relation.index(other) for other in before])
-    return any(
-        not blockers & there
-        and np.allclose(upright.of(name).vector(relation.directions[number]), (0, 0, 1), atol=_SAME)
-        for number, blockers in relation.blocker_sets[relation.index(name)]
-    )
+    directions = []
+    for number, blockers in relation.blocker_sets[relation.index(name)]:
+        x, y, z = relation.directions[number]
+        vector = upright.vector((-x, -y, -z))
+        if vector[2] < _LEVEL and not blockers & there:
+            directions.append((vector, blockers))
+    return directions
+
+
+def choose_direction(possible: Sequence[Vector], planned: Vector) -> Vector:
+    """Return the direction in which a part is brought: down, or as planned, or the steepest."""
+    for preferred in (DOWN, planned):
+        for vector in possible:
+            if np.allclose(vector, preferred, atol=_SAME):
+                return vector
+    return min(possible, key=lambda vector: vector[2], default=DOWN)
 
 
 class FitPlay:
@@ -115,14 +131,15 @@ class FitPlay:
     ) -> None:
         self._product, self._upright = product, upright
         self._along = {
-            name: upright.of(name).vector(step.along) for step in plan.steps for name in step.parts
+            name: upright.vector(step.along) for step in plan.steps for name in step.parts
         }
         in_order = list(dict.fromkeys((*order, plan.base, *self._along)))
         self._before = {name: in_order[:number] for number, name in enumerate(in_order)}
         for name in order:
-            if can_come_down(relation, upright, name, self._before[name]):
-                self._along[name] = DOWN
-        self._solids: dict[tuple[str, Upright], manifold3d.Manifold] = {}
+            free = list_free_directions(relation, upright, name, self._before[name])
+            planned = self._along.get(name, DOWN)
+            self._along[name] = choose_direction([vector for vector, _ in free], planned)
+        self._solids: dict[str, manifold3d.Manifold] = {}
         drawn = [
             (product.parts[fit.inner].name, product.parts[fit.outer].name, fit.radius_difference_m)
             for fit in fits
@@ -146,8 +163,7 @@ class FitPlay:
     def loosen(self, part: Part, meshes: Sequence[Pieces]) -> Loosened:
         """Return the pieces of a part with play beside the parts before it."""
         along = np.asarray(self._along.get(part.name, (0.0, 0.0, -1.0)))
-        own = self._upright.of(part.name)
-        bottom = np.array(own.bottom(part))
+        bottom = np.array(self._upright.bottom(part))
         hulls = [[_Hull(points) for points, _ in pieces] for pieces in meshes]
         everything = [hull for mesh in hulls for hull in mesh]
         low = np.min([hull.low for hull in everything], axis=0)
@@ -155,7 +171,7 @@ class FitPlay:
         fits = []
         for other in self._find_near(part, low, high, along, bottom):
             shift = -bottom * _TO_MM
-            solid = self._solid(other, own).translate(tuple(shift.tolist()))
+            solid = self._solid(other).translate(tuple(shift.tolist()))
             gaps_mm = [gap for hull in everything for gap in hull.face(solid, along)]
             if gaps_mm:
                 pair = frozenset((part.name, other))
@@ -175,25 +191,23 @@ class FitPlay:
         )
         return Loosened(pieces, tuple(fits))
 
-    def _solid(self, name: str, upright: Upright) -> manifold3d.Manifold:
-        """Return a part in the world, in a pose of the product."""
-        key = (name, upright)
-        if key not in self._solids:
+    def _solid(self, name: str) -> manifold3d.Manifold:
+        """Return a part upright in the world."""
+        if name not in self._solids:
             part = self._product.parts[self._product.index(name)]
-            self._solids[key] = make_solid(upright.vertices(part), part.triangles)
-        return self._solids[key]
+            self._solids[name] = make_solid(self._upright.vertices(part), part.triangles)
+        return self._solids[name]
 
     def _find_near(
         self, part: Part, low: Floats, high: Floats, along: Floats, bottom: Floats
     ) -> Iterator[str]:
         """Yield the parts before a part whose boxes it passes within the clearance of a fit."""
         sideways = np.abs(along) < 1 - 1e-6
-        own = self._upright.of(part.name)
         for name in self._before.get(part.name, ()):
-            box = np.array(self._solid(name, own).bounding_box()).reshape(2, 3) - bottom * _TO_MM
+            box = np.array(self._solid(name).bounding_box()).reshape(2, 3) - bottom * _TO_MM
             room = _REACH_M * _TO_MM
             apart = (box[0] > high + room) | (low > box[1] + room)
-            if not (apart & sideways).any() and not self._solid(name, own).is_empty():
+            if not (apart & sideways).any() and not self._solid(name).is_empty():
                 yield name
 
 

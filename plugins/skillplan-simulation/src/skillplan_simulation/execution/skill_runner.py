@@ -267,6 +267,7 @@ class SkillRunner(ControlledRobot):
             Parts in holders, also if they are still to come.
         """
         self._motions, self._guides = tuple(motions), guides
+        self.arm.yields = False
         self._turn, self._in_holders, self.due = turn, held, {}
         if motions:
             self.tools.activate(motions[0].motion.tool)
@@ -408,7 +409,7 @@ class SkillRunner(ControlledRobot):
             self.wait(self._jaws_take_s(motion))
         self.log.phase(f"the approach to {subject}")
         least_times_s = motion.least_times_s
-        stretches = list(zip(pairwise(motion.approach), planned.down, strict=True))
+        stretches = list(zip(pairwise(self._hold_off(motion)), planned.down, strict=True))
         path_steps = 0
         for (line, path), least_s in zip(stretches[:-1], least_times_s, strict=False):
             path_steps += self._move_slowly(line, line[1], path, least_s)
@@ -418,7 +419,7 @@ class SkillRunner(ControlledRobot):
             self.log.insert(subject)
         end = plus(motion.tip, self._stops_along(motion), -self._stops_m(motion))
         guides = self._guides.get(subject) if event is Event.RELEASE else None
-        if guides is None or (self.log.inserted is not None and not guides.led):
+        if guides is None:
             path_steps += self._move_slowly(stretches[-1][0], end, path, least_times_s[-1])
         else:
             self._slide_in(guides, begin, end, path)
@@ -426,6 +427,7 @@ class SkillRunner(ControlledRobot):
         self.log.inserted = self.log.guides = None
         begin_steps = self.world.steps - path_steps
         self._act(motion)
+        self.arm.yields = False
         acted = self.world.steps - begin_steps
         left = max(0, round(motion.visit.acts_s / STEP_S) - acted)
         # Whole frames keep the trace aligned with the log.
@@ -463,6 +465,8 @@ class SkillRunner(ControlledRobot):
         if guides.force_n is not None:
             self.sensed["insertion_limit_n"] = guides.force_n
         if not guides.led:
+            # Until the part is released.
+            self.arm.yields = True
             self.move(end, PathSection(path, share, 1.0), _INSERTION_M_PER_S)
             return
         self._lead_in(guides)
@@ -495,6 +499,14 @@ class SkillRunner(ControlledRobot):
                     f"where clearance and lead-in are {room_m * 1e3:.2f} mm"
                 )
         self.world.part(guides.subject, [fit.into for fit in guides.led])
+
+    def _hold_off(self, motion: LinearMotion) -> tuple[Point, ...]:
+        """Return the points of the approach, later ones by the gap of a cup behind the part."""
+        if motion.visit.event is not Event.RELEASE:
+            return motion.approach
+        first, *rest = motion.approach
+        gap_m = self._gap_m(motion)
+        return (first, *(plus(point, motion.tool_points, -gap_m) for point in rest))
 
     def _stops_m(self, motion: LinearMotion) -> float:
         """Return the distance from the target at which the tip stops [m]."""
@@ -612,7 +624,8 @@ class SkillRunner(ControlledRobot):
         self.log.free.add(subject)
         if subject in self._in_holders and motion.visit.at_goal:
             # It does not fall into its holder.
-            self.move(plus(motion.tip, DOWN, motion.drop_m), None, _LOWERING_M_PER_S)
+            rim = plus(motion.tip, self._stops_along(motion), -self._stops_m(motion))
+            self.move(plus(rim, DOWN, motion.drop_m), None, _LOWERING_M_PER_S)
             fix_in_place(self.world, subject)
         self.carry(None)
         if self._bond is not None:

@@ -155,7 +155,13 @@ class GuideSearch:
                 if insertion is None:
                     continue
                 is_beside = -_LEAST_OVERLAP_M < insertion.clearance_m < _LOOSE_M
-                if is_beside or other.name in fits:
+                # Pieces have the play of a fit on one of the two.
+                is_fit = any(
+                    fit.into == {visit.subject: other.name}.get(body.name, visit.subject)
+                    for body in (self._bodies[visit.subject], other)
+                    for fit in body.fits
+                )
+                if is_beside or is_fit:
                     lengths_m[other.name] = insertion.length_m
             if lengths_m:
                 seat_m = visit.pose.position
