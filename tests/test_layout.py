@@ -17,7 +17,7 @@ import pytest
 
 import skillplan
 from skillplan import errors
-from sources import parsed
+from sources import parsed, statements
 from thinned import slow_case
 
 ROOT = Path(__file__).parents[1]
@@ -162,7 +162,7 @@ class TestFiles:
 
 def lines_of_functions(path: Path) -> Iterator[tuple[str, int]]:
     """Yield every function of a module and how many lines its body has without its docstring."""
-    for node in ast.walk(parsed(path)):
+    for node in statements(path):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             body = node.body[ast.get_docstring(node) is not None :]
             if body:
@@ -298,7 +298,7 @@ def imports_of_product(path: Path) -> frozenset[tuple[str, str]]:
     """Return the module and the name of everything of ours that a file imports."""
     ours = {name.partition(".")[0] for name in PACKAGES}
     imports: set[tuple[str, str]] = set()
-    for node in ast.walk(parsed(path)):
+    for node in statements(path):
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
             imports |= {(node.module, alias.name) for alias in node.names}
         elif isinstance(node, ast.Import):
@@ -461,9 +461,7 @@ def importers() -> dict[str, set[str]]:
             continue
         names = {module for module, _ in imports_of_product(path)}
         names |= {f"{module}.{name}" for module, name in imports_of_product(path)}
-        for node in ast.walk(parsed(path)):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                names.add(node.value.partition(":")[0])
+        names |= set(re.findall(r"""["'](skillplan[\w.]+)[:"']""", path.read_text("utf-8")))
         for name in names & set(users) - {dotted(path)}:
             users[name].add(dotted(path))
     return users
@@ -473,7 +471,7 @@ def code_lines(path: Path) -> int:
     """Return the number of lines that are neither blank, comment nor docstring."""
     text = path.read_text("utf-8")
     left_out: set[int] = set()
-    for node in ast.walk(parsed(path)):
+    for node in (parsed(path), *statements(path)):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(
             node
         ):
