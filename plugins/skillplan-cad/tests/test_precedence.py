@@ -24,11 +24,25 @@ CHAIN = {
 }
 
 
+def count_orders(precedence, may_stand=lambda parts: True):
+    """Return the number of orders in which parts can be added one at a time."""
+    counts = {precedence.everything: 1}
+    for _ in range(len(precedence.names) - 1):
+        smaller = {}
+        for present, count in counts.items():
+            for part in list_members(present):
+                left = present & ~(1 << part)
+                if precedence.is_free(part, present) and may_stand(left):
+                    smaller[left] = smaller.get(left, 0) + count
+        counts = smaller
+    return sum(counts.values())
+
+
 def test_the_pen_comes_together_in_114_orders_of_which_22_stay_connected():
     relation = pen()
     precedence, touches = derive_precedence(relation), find_touching(relation)
-    assert precedence.count_orders() == 114
-    assert precedence.count_orders(lambda parts: is_connected(parts, touches)) == 22
+    assert count_orders(precedence) == 114
+    assert count_orders(precedence, lambda parts: is_connected(parts, touches)) == 22
 
 
 def test_a_part_goes_where_all_that_blocks_it_that_way_is_absent():

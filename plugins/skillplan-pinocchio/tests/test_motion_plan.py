@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skillplan.physics import LinearMotion
-from skillplan.task import Box, Event, Pose, Visit
+from skillplan.task import DOWN, Box, Event, Pose, Visit
 from skillplan_pinocchio import (
     TABLE,
     ArmModel,
@@ -23,7 +23,9 @@ TIP, ABOVE = (0.5, 0.0, 0.02), (0.5, 0.0, 0.17)
 def linear_motion(tip=TIP, above=ABOVE):
     """Return a motion that takes a part."""
     visit = Visit(Pose(tip), Event.GRASP, "part")
-    return LinearMotion.straight_down(visit, tip, above, 0.0, None, None, "part")
+    orientation = Pose.of_axes(tip, (1.0, 0.0, 0.0), DOWN).orientation
+    paths = (above, tip), (tip, above)
+    return LinearMotion(visit, tip, 0.0, orientation, *paths, None, None, "part")
 
 
 def box(name, size, centre, fact=""):

@@ -96,35 +96,6 @@ class LinearMotion:
     loads: Tool | None = None
     is_exact: bool = False
 
-    @classmethod
-    def straight_down(
-        cls,
-        visit: Visit,
-        tip: Point,
-        above: Point,
-        closing_yaw_rad: float,
-        carries: str | None,
-        tool: Tool | None,
-        leaves_with: str | None,
-        drop_m: float = 0.0,
-    ) -> LinearMotion:
-        """Return a motion straight down from above a target and up again."""
-        closing = (math.cos(closing_yaw_rad), math.sin(closing_yaw_rad), 0.0)
-        orientation = Pose.of_axes(tip, closing, DOWN).orientation
-        down, up = (above, tip), (tip, above)
-        return cls(
-            visit,
-            tip,
-            closing_yaw_rad,
-            orientation,
-            down,
-            up,
-            carries,
-            tool,
-            leaves_with,
-            drop_m,
-        )
-
     @property
     def above(self) -> Point:
         """First point of the approach [m]."""

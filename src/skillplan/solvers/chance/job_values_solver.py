@@ -10,8 +10,12 @@ from pydantic import Field
 from skillplan.errors import NotASequencing
 from skillplan.model.policy_value import evaluate_policy
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.chance.reachable import query_everywhere
-from skillplan.solvers.chance.retries import collect_touched, list_failures, refuse_retries
+from skillplan.solvers.chance.retries import (
+    collect_touched,
+    list_failures,
+    query_everywhere,
+    refuse_retries,
+)
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end

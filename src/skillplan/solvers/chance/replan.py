@@ -20,8 +20,13 @@ from pydantic import Field
 from skillplan.model.policy_value import PolicySample, sample_policy
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
-from skillplan.solvers.chance.reachable import query_everywhere
-from skillplan.solvers.chance.retries import assume_retries, collect_touched, refuse_retries, relax
+from skillplan.solvers.chance.retries import (
+    assume_retries,
+    collect_touched,
+    query_everywhere,
+    refuse_retries,
+    relax,
+)
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end

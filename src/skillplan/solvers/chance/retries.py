@@ -1,4 +1,4 @@
-"""Tasks in which every failed skill is tried again at once.
+"""Tasks in which failed skills are tried again at once, and the states that policies reach.
 
 A failure that only changes facts that the skill sets anyway, such as the arm's place, leaves the
 skill applicable, and its success leads to the same state. So a skill that succeeds with probability
@@ -11,6 +11,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.stop import Stop
 from skillplan.task.cost import Cost, DerivedCost
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Facts, State
@@ -242,3 +244,21 @@ def _make_certain(task: Task, costs: Mapping[str, Cost]) -> Task:
         cost = costs.get(skill.name, skill.cost)
         skills.append(replace(skill, outcomes=nominal, cost=cost))
     return replace(task, skills=tuple(skills))
+
+
+def query_everywhere(
+    model: SkillModel, policy: Mapping[State, Skill], most: int, stop: Stop
+) -> bool:
+    """Query a policy in its reachable states; return True if all were visited."""
+    todo, seen = [model.initial], {model.initial}
+    while todo:
+        if stop() or len(policy) >= most:
+            return False
+        state = todo.pop()
+        skill = None if model.is_goal(state) else policy.get(state)
+        for outcome in () if skill is None else skill.outcomes_in(state):
+            following = outcome.apply(state)
+            if following not in seen:
+                seen.add(following)
+                todo.append(following)
+    return True

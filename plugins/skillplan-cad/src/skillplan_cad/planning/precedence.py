@@ -8,7 +8,7 @@ part can leave in any direction whose blockers are all absent
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,25 +114,6 @@ class Precedence:
         mine = (*self.alternatives[part], Alternative((number,), blockers))
         others = self.alternatives[:part], self.alternatives[part + 1 :]
         return Precedence(self.names, (*others[0], mine, *others[1]))
-
-    def count_orders(self, may_stand: Callable[[int], bool] | None = None) -> int:
-        """Return the exact number of orders in which parts can be added one at a time.
-
-        Parameters
-        ----------
-        may_stand
-            Filter for the non-empty sets on the way; None to allow all.
-        """
-        counts = {self.everything: 1}
-        for _ in range(len(self.names) - 1):
-            smaller: dict[int, int] = {}
-            for present, count in counts.items():
-                for part in list_members(present):
-                    left = present & ~(1 << part)
-                    if self.is_free(part, present) and (may_stand is None or may_stand(left)):
-                        smaller[left] = smaller.get(left, 0) + count
-            counts = smaller
-        return sum(counts.values())
 
 
 def derive_precedence(

@@ -1,12 +1,14 @@
-"""From the keys of a task file to the elements of its trajectory, and back to a key at fault."""
+"""From the keys of a task file to its trajectory, and back to a key at fault or in doubt."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from skillplan.errors import Issue
 from skillplan_swarmitfix.trajectory.path_elements import Arc, Element, Line, Spline
 from skillplan_swarmitfix.trajectory.plane_point import Point2
-from skillplan_swarmitfix.trajectory.schema import PathElementConfig, TrajectoryConfig
+from skillplan_swarmitfix.trajectory.schema import PathElementConfig, TrajectoryConfig, in_file
+from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, is_doubtful
 
 
 def elements_of(config: TrajectoryConfig) -> tuple[Point2, tuple[Element, ...]]:
@@ -52,3 +54,15 @@ def element_key(config: TrajectoryConfig, path: tuple[str | int, ...]) -> tuple[
     if path == ("start",):
         return ("start_m",)
     return ("path", *path)
+
+
+def unit_doubt(config: TrajectoryConfig) -> Issue | None:
+    """Return why the unit that was guessed for a file is hardly meant, by its key; or None."""
+    extent_m = config.guessed_unit_extent_m
+    if config.file is None or extent_m is None or not is_doubtful(extent_m):
+        return None
+    message = (
+        f"Its unit is not given, and read in {DEFAULT_UNIT} it is {extent_m:.3g} m long. Give "
+        "trajectory.unit, such as m or in."
+    )
+    return Issue(in_file(config.file, "", message), ("file",))
