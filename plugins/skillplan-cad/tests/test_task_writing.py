@@ -198,6 +198,30 @@ def test_the_file_is_what_the_document_says_and_the_same_every_time(screwed, scr
     assert build_task(*screwed).files == screwed_task.files
 
 
+def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, screwed_task):
+    """Writing is interrupted at the end of its work; no part is tried again."""
+    shares = []
+
+    def attempt(make, share):
+        shares.append(share)
+        task = make()
+        return None if share < 1 else task
+
+    task = build_task(*screwed, watch=Watch(must_stop=lambda: bool(shares[1:]), attempt=attempt))
+    assert task.names == screwed_task.names
+    assert len(shares) == 2
+    nothing = build_task(*screwed, watch=Watch(attempt=lambda make, share: None))
+    assert (nothing.document, nothing.names) == ({}, {})
+    assert {reason.kind for reason in nothing.left_out.values()} == {"not examined"}
+
+
+def test_a_body_that_touches_itself_along_an_edge_is_in_the_task():
+    """Two posts that meet in an edge, on a plate."""
+    posts = box(0, 0, 20, 20, 20, 60) + box(20, 20, 20, 40, 40, 60) + box(0, 0, 20, 40, 40, 30)
+    task = build_task(*relate(product_of({"base": box(-20, -20, 0, 60, 60, 20), "posts": posts})))
+    assert set(task.names) == {"base", "posts"}
+
+
 def finder_of(solid, name="part"):
     """Return the search for grasps of a part that stands with its centre over the origin."""
     part = part_of(name, solid)

@@ -215,8 +215,10 @@ class Deadline:
 
     def is_over(self, share: float = 1.0) -> bool:
         """Return whether the deadline has passed, or a share of the time until it."""
-        unused_s = 0.0 if share >= 1.0 else (1.0 - share) * (self.time_limit_s or 0.0)
-        return time.monotonic() >= self._end_s - unused_s
+        return time.monotonic() >= self._find_end_s(share)
+
+    def _find_end_s(self, share: float) -> float:
+        return self._end_s - (1.0 - share) * (self.time_limit_s or 0.0)
 
     def tell_if_over(self) -> bool:
         """Return whether the deadline has passed; if so, print that it ended the command."""
@@ -238,16 +240,22 @@ class Deadline:
         left_s = min(share * (self._end_s - time.monotonic()), most_s)
         return max(1e-3, left_s) if math.isfinite(left_s) else None
 
-    def attempt(self, make: Callable[[], _Made]) -> _Made | None:
+    def attempt(self, make: Callable[[], _Made], share: float = 1.0) -> _Made | None:
         """Call a function and return its value, or None if the deadline comes first.
 
         The function is interrupted as by Ctrl-C, on systems that have timers; elsewhere the
         deadline is checked before the call.
+
+        Parameters
+        ----------
+        share
+            Share of the time limit at which the function is interrupted; above 1 within the time
+            in which a command may stop by itself.
         """
-        if self.is_over():
+        if self.is_over(share):
             return None
         try:
-            with self._alarm():
+            with self._alarm(share):
                 return make()
         except _TimeIsUp:
             return None
@@ -267,13 +275,15 @@ class Deadline:
             timer.cancel()
 
     @contextmanager
-    def _alarm(self) -> Iterator[None]:
+    def _alarm(self, share: float) -> Iterator[None]:
         if not math.isfinite(self._end_s) or not hasattr(signal, "setitimer"):
             yield
             return
         before = signal.signal(signal.SIGALRM, _raise_time_is_up)
         try:
-            signal.setitimer(signal.ITIMER_REAL, max(1e-3, self._end_s - time.monotonic()))
+            signal.setitimer(
+                signal.ITIMER_REAL, max(1e-3, self._find_end_s(share) - time.monotonic())
+            )
             yield
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -19,6 +19,8 @@ Closure = Literal["closed", "mended", "surface"]
 FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "free"]
 ROUND_KINDS: tuple[FaceKind, ...] = ("cylinder", "cone", "sphere", "torus")
 GRAVITY_M_PER_S2 = 9.81
+# Decimals of lengths in mesh files [m].
+_FILE_DECIMALS = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,3 +179,30 @@ def make_solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
             tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
         )
     )
+
+
+def has_proper_edges(vertices_m: Points, triangles: Triangles) -> bool:
+    """Return whether each edge lies between two faces once corners are rounded as in a file."""
+    _, corner = np.unique(np.round(vertices_m, _FILE_DECIMALS), axis=0, return_inverse=True)
+    faces = corner.reshape(-1)[triangles]
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, counts = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
+    return bool((counts == 2).all())
+
+
+def simplify_mesh(
+    vertices_m: Points, triangles: Triangles, error_m: float
+) -> tuple[Points, Triangles]:
+    """Return a mesh whose bodies are united and whose surface is moved by less than an error.
+
+    The mesh itself if it is not closed.
+    """
+    import manifold3d
+
+    bodies = make_solid(vertices_m, triangles).decompose()
+    whole = manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
+    mesh64 = whole.simplify(error_m * 1e3).to_mesh64()
+    if whole.is_empty():
+        return vertices_m, triangles
+    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3] / 1e3
+    return points, np.asarray(mesh64.tri_verts, dtype=np.int64)

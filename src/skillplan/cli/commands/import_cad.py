@@ -357,6 +357,7 @@ def command(
         lambda line: tell(f"skillplan: {line}"),
         draw_import,
         stopping,
+        deadline.attempt,
     )
     for warning in imported.warnings:
         tell(f"skillplan: warning: {warning}")

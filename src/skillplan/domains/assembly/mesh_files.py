@@ -26,7 +26,7 @@ from skillplan.plugins.installed import list_mesh_readers
 from skillplan.task.motion import Point
 from skillplan.xml_tree import Element, XmlError, parse_xml
 
-MAX_CORNERS = 5_000
+MAX_CORNERS = 20_000
 """Greatest number of corners of a polyhedron."""
 
 LEAST_EXTENT_M = 1e-6
@@ -154,33 +154,41 @@ def _merge_corners(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
 
 
 def _separate_bodies(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
-    """Return the surface with corners of its own for each body, if bodies touch along edges.
+    """Return the surface with corners of its own for each side, if bodies touch along edges.
+
+    A body may touch itself: every fan of faces around a corner has its own copy of the corner.
 
     Raises
     ------
     MeshFileError
-        If a body touches itself along an edge.
+        If faces at such an edge are turned inward.
     """
     surface = trimesh.Trimesh(corners, faces, process=False)
     if surface.is_watertight:
         return corners, faces
     graph: Any = trimesh.graph
-    pairs = [*surface.face_adjacency.tolist(), *_pair_at_shared_edges(corners, faces)]
-    labels = graph.connected_component_labels(
-        np.array(pairs, dtype=np.int64).reshape(-1, 2), node_count=len(faces)
-    )
-    # One number for each corner of each body.
-    numbers, index = np.unique(labels[:, None] * len(corners) + faces, return_inverse=True)
-    own_corners, own_faces = corners[numbers % len(corners)], index.reshape(-1, 3)
+    pairs = np.array(
+        [*surface.face_adjacency.tolist(), *_pair_at_shared_edges(corners, faces)], dtype=np.int64
+    ).reshape(-1, 2)
+    # Faces that go on in each other share the corners of their edge.
+    pair, mine, yours = np.nonzero(faces[pairs[:, 0]][:, :, None] == faces[pairs[:, 1]][:, None])
+    nodes = np.column_stack([3 * pairs[pair, 0] + mine, 3 * pairs[pair, 1] + yours])
+    fans = graph.connected_component_labels(nodes, node_count=faces.size)
+    _, first, index = np.unique(fans, return_index=True, return_inverse=True)
+    own_corners, own_faces = corners[faces.reshape(-1)[first]], index.reshape(-1, 3)
     if trimesh.Trimesh(own_corners, own_faces, process=False).is_watertight:
         return own_corners, own_faces
     _, counts = np.unique(np.sort(surface.edges, axis=1), axis=0, return_counts=True)
     if not (counts % 2).any():
         raise MeshFileError(
-            f"An edge lies between {counts.max()} faces: a body touches itself, or faces are "
-            "turned inward. Unite bodies, or give each as a mesh of its own."
+            f"An edge lies between {counts.max()} faces, some of them turned inward. Unite bodies, "
+            "or give each as a mesh of its own."
         )
     return corners, faces
+
+
+# Angle between faces that coincide [rad]: files round the corners of narrow faces.
+_SAME_RAD = 1e-3
 
 
 def _pair_at_shared_edges(corners: Floats, faces: Indices) -> Iterator[tuple[int, int]]:
@@ -203,11 +211,11 @@ def _pair_at_shared_edges(corners: Floats, faces: Indices) -> Iterator[tuple[int
         for face, third, opens in sides:
             arm = corners[third] - corners[low]
             # Counted from a face after which material begins.
-            angle = round(math.atan2(arm @ ahead, arm @ right), 6) % (2 * math.pi)
-            if opens and angle > 2 * math.pi - 1e-5:
-                angle = 0.0
-            if not opens and angle < 1e-5:
-                angle = 2 * math.pi
+            angle = round(math.atan2(arm @ ahead, arm @ right) / _SAME_RAD)
+            if opens or angle < 0:
+                angle %= round(2 * math.pi / _SAME_RAD)
+            elif angle == 0:
+                angle = round(2 * math.pi / _SAME_RAD)
             # Of faces that coincide, the one at which material ends comes first.
             turned.append((angle, opens, face))
         turned.sort()

@@ -29,7 +29,7 @@ from skillplan_cad.importing.summary import (
     list_warnings,
     measure_gaps,
 )
-from skillplan_cad.planning.watch import Watch
+from skillplan_cad.planning.watch import Attempt, Watch, call_at_once
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.names import decode_file_name
 from skillplan_cad.relation import Relation
@@ -165,6 +165,7 @@ def import_cad(
     tell: Tell,
     draw: Draw | None = None,
     stopping: Callable[[], AbstractContextManager[Callable[[float], bool]]] = _never_stop,
+    attempt: Attempt = call_at_once,
 ) -> Imported:
     """Import a product.
 
@@ -179,6 +180,8 @@ def import_cad(
     stopping
         Returns a context for confirming, planning and writing, with a function that returns True
         once a share of the time limit is over, or after Ctrl-C.
+    attempt
+        Calls a function and interrupts it at a share of the time limit; then it returns None.
 
     Raises
     ------
@@ -201,7 +204,8 @@ def import_cad(
         raise OptionError(_describe_missing_base(settings.base, relation))
     with stopping() as must_stop:
         planning, writing = (
-            Watch(tell, partial(must_stop, share)) for share in (_PLANNING_SHARE, _WRITING_SHARE)
+            Watch(tell, partial(must_stop, share), attempt)
+            for share in (_PLANNING_SHARE, _WRITING_SHARE)
         )
         plan = plan_product(path, findings, settings, planning, writing)
     relation = plan.relation

@@ -5,8 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Protocol, TypeVar
 
+_Made = TypeVar("_Made")
 _SLOW_S = 2.0
+
+
+class Attempt(Protocol):
+    """Calls a function, and interrupts it at a share of the time limit; see `Watch`."""
+
+    def __call__(self, make: Callable[[], _Made], share: float) -> _Made | None:
+        """Return the value of a function, or None if the share is over before."""
+
+
+def call_at_once(make: Callable[[], _Made], share: float) -> _Made | None:
+    """Call a function without a limit."""
+    return make()
 
 
 class Watch:
@@ -18,14 +32,17 @@ class Watch:
         Prints a line.
     must_stop
         Returns True once the time is over, or after Ctrl-C.
+    attempt
+        Calls a function and returns its value, or None if a share of the time limit is over before.
     """
 
     def __init__(
         self,
         tell: Callable[[str], None] = lambda line: None,
         must_stop: Callable[[], bool] = lambda: False,
+        attempt: Attempt = call_at_once,
     ) -> None:
-        self.tell, self.must_stop = tell, must_stop
+        self.tell, self.must_stop, self.attempt = tell, must_stop, attempt
         self._last_s = time.monotonic()
 
     def report(self, text: str) -> None:

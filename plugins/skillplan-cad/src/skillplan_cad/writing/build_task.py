@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -36,6 +37,8 @@ from skillplan_cad.writing.upright import place_upright
 
 # Number of further orientations, which are tried if the arm brings less than a share of the parts.
 _MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
+# Shares of the time limit at which writing is interrupted: at first, and with tried parts alone.
+_STOPPED_SHARES = 0.9, 1.05
 # Cosine of two directions that are one.
 _ALONG = 0.999
 
@@ -90,20 +93,28 @@ def build_task(
     cuts, known = Cuts(product), known or KnownHolds()
 
     def build(bearing: Bearing, arm: str, least_weight: float = 0.0) -> WrittenTask:
+        builder = _TaskBuilder(
+            product,
+            relation,
+            plan,
+            arm,
+            bearing,
+            remarks or {},
+            known,
+            holding=holding,
+            nests=NestChoice(relation, bearing.up) if nesting else None,
+        )
+        without: Mapping[str, LeftOut] = absent
         with TaskTrials(watch) as trials:
-            nests = NestChoice(relation, bearing.up) if nesting else None
-            builder = _TaskBuilder(
-                product,
-                relation,
-                plan,
-                arm,
-                bearing,
-                remarks or {},
-                known,
-                holding=holding,
-                nests=nests,
-            )
-            return builder.build(absent, cuts, trials, watch, least_weight)
+            for share in _STOPPED_SHARES:
+                make = partial(builder.build, without, cuts, trials, watch, least_weight)
+                task = watch.attempt(make, share)
+                if task is not None:
+                    return task
+                # Once more with the parts that passed their trial.
+                without = builder.list_untried(trials)
+        everything = _list_unexamined(part.name for part in product) | absent
+        return _write_nothing(product, bearing, everything)
 
     absent = dict(without or {})
     if others is None:
@@ -198,6 +209,10 @@ class _TaskBuilder:
         self._absent: dict[str, LeftOut] = {}
         # Parts that are in no order with the first tool that holds them.
         self._conflicting: dict[str, dict[str, LeftOut]] = {}
+        # Task names by part of the last task.
+        self._names: Mapping[str, str] = {}
+        self._shared = SharedMeshes()
+        self._proof: PieceProof | None = None
 
     def build(
         self,
@@ -215,17 +230,12 @@ class _TaskBuilder:
             Weight of another orientation: with less, the task is given up.
         """
         self._absent |= without
-        shared = SharedMeshes()
-        upright = place_upright(self._product, self._bearing.up, (0.0, 0.0))
-        proof = PieceProof(
-            self._product,
-            self._relation,
-            self._plan,
-            self._bearing.order,
-            upright,
-            cuts,
-            watch,
-        )
+        if self._proof is None:
+            upright = place_upright(self._product, self._bearing.up, (0.0, 0.0))
+            parts = self._bearing.order
+            self._proof = PieceProof(
+                self._product, self._relation, self._plan, parts, upright, cuts, watch
+            )
         places: Places | None = None
         while True:
             unheld = self._holds.choose(self._bearing)
@@ -246,7 +256,7 @@ class _TaskBuilder:
                 left_out,
                 self._remarks,
                 self._holds,
-                shared,
+                self._shared,
                 places,
             )
             if writer.places.without:
@@ -256,7 +266,8 @@ class _TaskBuilder:
                 continue
             places = writer.places
             self._seat(writer)
-            task = writer.write(proof)
+            self._names = writer.names
+            task = writer.write(self._proof)
             unfinished = {part.name for part in writer.gripped} - task.pieces.pieces.keys()
             if unfinished:
                 self._leave_out(_list_unexamined(unfinished))
@@ -277,6 +288,16 @@ class _TaskBuilder:
                     task, skills=trial.skills, doubt=trial.doubt, why_no_nest=why_no_nest
                 )
             self._leave_out(more)
+
+    def list_untried(self, trials: TaskTrials) -> dict[str, LeftOut]:
+        """Return the parts that were left out, and those that have not passed their trial."""
+        untried = {
+            part.name
+            for part in self._product
+            if self._names.get(part.name) not in trials.granted
+            and part.name not in self._holds.fixed
+        }
+        return _list_unexamined(untried) | self._absent
 
     def _seat(self, writer: TaskWriter) -> None:
         """Put the base into a nest if it needs one, and can have one."""

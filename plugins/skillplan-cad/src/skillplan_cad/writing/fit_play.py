@@ -181,11 +181,11 @@ class FitPlay:
                     drawn_m = max(-self._overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
                 drawn_m = round(drawn_m, _DECIMALS) + 0.0
                 fits.append(Played(part.name, other, drawn_m, max(drawn_m, PLAY_M)))
+        # A piece thinner than its play stays as it is, as the part would have a gap without it.
         pieces = tuple(
             tuple(
-                mesh
+                (hull.cut(along) or own) if hull.sides else own
                 for hull, own in zip(mesh_hulls, own_pieces, strict=True)
-                if (mesh := hull.cut(along) if hull.sides else own) is not None
             )
             for mesh_hulls, own_pieces in zip(hulls, meshes, strict=True)
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import manifold3d
 import numpy as np
 
 from skillplan_cad.blocking.all_pairs import BlockingTest
@@ -16,6 +17,7 @@ from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import (
     Hollow,
     Pieces,
+    build_mesh,
     count_most_pieces,
     decompose_convex,
     measure_excess_m,
@@ -31,8 +33,8 @@ _COARSE_M = 3e-4
 _CLEARANCE_SHARE = 0.2
 _FINE_SHARE = 0.5
 _SAME_M = 1e-6
-# Decimals of lengths in mesh files, and the distance of vertices that they round to the same [m].
-_DECIMALS, _ROUNDED_M = 7, 5e-8
+# Distance of vertices that mesh files round to the same [m].
+_ROUNDED_M = 5e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,10 +268,12 @@ class _Cut:
                 return None
         if not shift_m.any() and np.array_equal(turn, np.eye(3)):
             return self.pieces
-        return tuple(
-            (np.round(points @ turn.T + shift_m, _DECIMALS) + 0.0, faces)
-            for points, faces in self.pieces
+        # Rounded faces of small pieces are no longer convex, so each piece is a hull anew.
+        rebuilt = (
+            build_mesh(manifold3d.Manifold.hull_points((points @ turn.T + shift_m) * 1e3))
+            for points, _ in self.pieces
         )
+        return tuple(piece for piece in rebuilt if piece is not None)
 
 
 def _fit_rigid_motion(before_m: Points, after_m: Points) -> tuple[Points, Points]:

@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 
 from skillplan.collision import compute_margin_m
 from skillplan.collision.contact_forces import find_axes_across
+from skillplan.domains.assembly import MAX_CORNERS
 from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
@@ -25,7 +26,16 @@ from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.planning.stability import is_over
-from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Points, Product, Triangles, Vector
+from skillplan_cad.product import (
+    GRAVITY_M_PER_S2,
+    Part,
+    Points,
+    Product,
+    Triangles,
+    Vector,
+    has_proper_edges,
+    simplify_mesh,
+)
 from skillplan_cad.relation import Fastener, LeftOut, Relation
 from skillplan_cad.writing.fit_play import choose_direction, list_free_directions
 from skillplan_cad.writing.held_part import (
@@ -359,6 +369,8 @@ def _compute_grip_n(mass_kg: float, most_n: float) -> float:
 
 
 _DECIMALS = 7
+# Distance by which faces may move where a body touches itself [m].
+_HEALED_M = 1e-6
 
 
 def format_obj(vertices_m: Points, triangles: Triangles) -> str:
@@ -1031,8 +1043,12 @@ class TaskWriter:
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         meshes = self.shared.of_part.get(part.name)
         if meshes is None:
-            meshes = ((self.upright.vertices(part) - bottom, part.triangles),)
+            meshes = (self._prepare_mesh(part, self.upright.vertices(part) - bottom),)
             self.shared.of_part[part.name] = meshes
+        if len(meshes[0][1]) < len(part.triangles):
+            words = "is written with {:,} of its {:,} triangles, at most {:g} mm off"
+            numbers = len(meshes[0][1]), len(part.triangles), self._get_mesh_error_m(part) * 1e3
+            self._note(part.name, words.format(*numbers))
         fixed = part.name in self.holds.fixed
         entry: dict[str, Any] = {"fixed": True} if fixed else self.holds.held(part.name).entry
         entry["mass_kg"] = float(f"{max(part.mass_kg, 1e-6):.4g}")
@@ -1090,6 +1106,19 @@ class TaskWriter:
                     else:
                         above_m = max(above_m, length_m)
         return round(above_m, 4) if above_m > beside_m else None
+
+    def _prepare_mesh(self, part: Part, vertices_m: Points) -> tuple[Points, Triangles]:
+        """Return a mesh that a task accepts: each edge between two faces, and not too large."""
+        mesh = vertices_m, part.triangles
+        if has_proper_edges(*mesh) and len(vertices_m) <= MAX_CORNERS:
+            return mesh
+        rounded = np.round(vertices_m, _DECIMALS)
+        healed = simplify_mesh(rounded, part.triangles, self._get_mesh_error_m(part))
+        return healed if has_proper_edges(*healed) else mesh
+
+    def _get_mesh_error_m(self, part: Part) -> float:
+        is_large = len(part.vertices_m) > MAX_CORNERS
+        return self.relation.tolerance_m / 2 if is_large else _HEALED_M
 
     def _add_meshes(self, name: str, meshes: Meshes, files: dict[str, str]) -> list[dict[str, Any]]:
         """Add the meshes of a part to the files, and return their entries."""

@@ -79,6 +79,11 @@ class TaskTrials:
     ----------
     watch
         Progress reports, and requests to stop.
+
+    Attributes
+    ----------
+    granted
+        Parts and screws that need no further trial.
     """
 
     def __init__(self, watch: Watch) -> None:
@@ -87,8 +92,7 @@ class TaskTrials:
         self._contents: dict[str, str] = {}
         # Meshes by their entries; a file that changes is read anew.
         self._meshes: dict[str, tuple[Mapping[str, Any], MeshConfig]] = {}
-        # Parts and screws that need no further trial.
-        self._granted: set[str] = set()
+        self.granted: set[str] = set()
         # The order found last, if only of some parts of the task.
         self._found: tuple[str, ...] = ()
 
@@ -100,7 +104,7 @@ class TaskTrials:
 
     def forget(self, *names: str) -> None:
         """Try parts and screws again."""
-        self._granted.difference_update(names)
+        self.granted.difference_update(names)
 
     def try_task(
         self, document: Mapping[str, Any], files: Mapping[str, str], order: Sequence[str]
@@ -140,7 +144,7 @@ class TaskTrials:
         try:
             self._forget_far(task, config)
             failures = dict(self._try_skills(feasibility, config, order))
-            left = [name for name in (*config.parts, *config.screws) if name not in self._granted]
+            left = [name for name in (*config.parts, *config.screws) if name not in self.granted]
             untried = tuple(
                 name
                 for name in left
@@ -159,11 +163,11 @@ class TaskTrials:
         """Forget the parts that are out of reach now, as the table is laid out anew."""
         reach = make_feasibility(task, Setup(collision=()))
         skills = {skill.name: skill for skill in task.skills}
-        for name in sorted(self._granted):
+        for name in sorted(self.granted):
             if name in config.parts or name in config.screws:
                 turn = _list_facts(task, config, _list_supports(config, name), name)
                 if _try_one(reach, skills, turn, name) is not None:
-                    self._granted.discard(name)
+                    self.granted.discard(name)
         reach.close()
 
     def _use_known_meshes(
@@ -196,7 +200,7 @@ class TaskTrials:
         task = feasibility.task
         skills = {skill.name: skill for skill in task.skills}
         for number, name in enumerate(order):
-            if name in self._granted or (name in config.parts and config.parts[name].fixed):
+            if name in self.granted or (name in config.parts and config.parts[name].fixed):
                 continue
             if self._watch.must_stop():
                 return
@@ -207,7 +211,7 @@ class TaskTrials:
                 alone = _list_facts(task, config, _list_supports(config, name), name)
                 failure = _try_one(feasibility, skills, alone, name)
             if failure is None:
-                self._granted.add(name)
+                self.granted.add(name)
             else:
                 yield name, failure
 
