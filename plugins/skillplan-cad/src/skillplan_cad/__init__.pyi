@@ -72,6 +72,8 @@ from .relation_file import format_relation as format_relation
 from .relation_file import read_relation as read_relation
 from .writing.arm_choice import choose_arm as choose_arm
 from .writing.build_task import build_task as build_task
+from .writing.grouped_task import find_parted_groups as find_parted_groups
+from .writing.grouped_task import join_groups as join_groups
 from .writing.held_part import Load as Load
 from .writing.held_part import list_holds as list_holds
 from .writing.mesh_grasps import GraspFinder as GraspFinder
@@ -142,10 +144,12 @@ __all__ = [
     "find_free_path",
     "find_groups",
     "find_joints",
+    "find_parted_groups",
     "find_shapes",
     "find_touching",
     "format_relation",
     "is_connected",
+    "join_groups",
     "lay_out_table",
     "list_attitude_warnings",
     "list_holds",

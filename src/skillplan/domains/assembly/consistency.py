@@ -301,7 +301,7 @@ def _list_needed_actions(config: AssemblyConfig) -> dict[str, str]:
 
 
 def _check_product_parts(config: AssemblyConfig) -> Iterator[Issue]:
-    count = len(config.parts) + len(config.screws)
+    count = config.component_count
     if config.product_parts is not None and config.product_parts < count:
         yield Issue(
             f"{config.product_parts} is too few: the task has {count} parts and screws.",

@@ -278,7 +278,7 @@ class _Grounding:
             pools=_list_pools(config),
             covered=None
             if config.product_parts is None
-            else (len(config.parts) + len(config.screws), config.product_parts),
+            else (config.component_count, config.product_parts),
             notes=self._list_notes(),
         )
 

@@ -330,6 +330,11 @@ class AssemblyConfig(Strict):
         return self
 
     @property
+    def component_count(self) -> int:
+        """Number of parts and screws; sub-assemblies are none, as their members count."""
+        return sum(part.made_of is None for part in self.parts.values()) + len(self.screws)
+
+    @property
     def joined_in(self) -> dict[str, str]:
         """The sub-assembly that each of its parts and screws becomes part of, by name."""
         return {member: name for name, part in self.parts.items() for member in part.made_of or ()}

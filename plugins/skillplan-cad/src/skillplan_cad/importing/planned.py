@@ -32,6 +32,7 @@ from skillplan_cad.relation_file import format_relation
 from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm, find_longer_arm
 from skillplan_cad.writing.build_task import build_task
 from skillplan_cad.writing.fit_play import PLAY_M
+from skillplan_cad.writing.grouped_task import build_grouped_task
 from skillplan_cad.writing.held_part import GRIPPERS, KnownHolds, PartHolds
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import TaskNest, WrittenTask
@@ -343,19 +344,21 @@ def plan_product(
         document |= _build_task_document(task, relation)
         lines += _describe_grippers(task)
         lines += _describe_order(task)
-        if task.nest is not None:
-            document["nests"] = [dict(task.nest.entry)]
-            files |= task.nest.files
-            lines.append(_describe_nest(task.nest))
+        nests = [*([task.nest] if task.nest is not None else []), *task.station_nests]
+        if nests:
+            document["nests"] = [dict(nest.entry) for nest in nests]
+        for nest in nests:
+            files |= nest.files
+            lines.append(_describe_nest(nest))
         warnings += _list_task_warnings(task, document["pieces"])
     else:
         warnings.append("No part is left that one arm could place: no product.yaml is written.")
     if settings.nests:
-        nests = plan_nests(findings.product, plan, writing)
-        document["nests"] = [*document.get("nests", ()), *nests.entries]
-        files |= nests.files
-        lines += nests.lines
-        warnings += nests.warnings
+        cut = plan_nests(findings.product, plan, writing)
+        document["nests"] = [*document.get("nests", ()), *cut.entries]
+        files |= cut.files
+        lines += cut.lines
+        warnings += cut.warnings
     return Planned(
         add_groups(relation, plan),
         bool(task.document),
@@ -441,7 +444,23 @@ def _write_task(
     )
     if task.document and task.document["robot"]["model"] != arm:
         lines.append(f"arm {longer}: it brings parts that are out of reach of {arm}")
-    return task
+    arm = task.document["robot"]["model"] if task.document else arm
+    grouped = build_grouped_task(
+        loose,
+        relation,
+        plan,
+        task,
+        arm,
+        without,
+        remarks,
+        writing,
+        holding=settings.holding,
+        nesting=settings.nesting,
+    )
+    if grouped is not task:
+        wholes = [key for key, part in grouped.document["parts"].items() if "made_of" in part]
+        lines.append(f"built at stations of their own, then placed as one: {', '.join(wholes)}")
+    return grouped
 
 
 def _describe_nest(nest: TaskNest) -> str:

@@ -177,6 +177,7 @@ def lay_out_table(
     items: Sequence[Item],
     reach_m: float,
     holders: Sequence[Place] = HOLDERS,
+    kept: Mapping[str, Place] | None = None,
 ) -> Tray:
     """Lay out the table: product in front of the arm to its left, items close to it.
 
@@ -190,7 +191,10 @@ def lay_out_table(
         Greatest distance from the arm's base to its tip [m].
     holders
         Places of tools, which stay free.
+    kept
+        Places of items that stay where they are, by name.
     """
+    known = kept or {}
     nearest, farthest = max(_NEAREST_M, _NEAREST * reach_m), _FARTHEST * reach_m
     goal = _choose_goal(product_size_m, nearest, farthest)
     half = (product_size_m[0] / 2, product_size_m[1] / 2)
@@ -199,15 +203,20 @@ def lay_out_table(
     spots = _list_grid_places(nearest, farthest, goal)
     places: dict[str, Place] = {}
     without = []
-    order = sorted(items, key=lambda item: (-item.size_m[0] * item.size_m[1], item.name))
+    order = sorted(
+        items,
+        key=lambda item: (item.name not in known, -item.size_m[0] * item.size_m[1], item.name),
+    )
     for item in order:
         size = (item.size_m[0] / 2, item.size_m[1] / 2)
         room = _BESIDE_TALL_M if item.size_m[2] > _TALL_M else _APART_M
-        free = np.flatnonzero(_mask_fitting(spots, size, room, taken, nearest, farthest))
-        if not len(free):
-            without.append(item.name)
-            continue
-        spot = (float(spots[free[0], 0]), float(spots[free[0], 1]))
+        spot = known.get(item.name)
+        if spot is None:
+            free = np.flatnonzero(_mask_fitting(spots, size, room, taken, nearest, farthest))
+            if not len(free):
+                without.append(item.name)
+                continue
+            spot = (float(spots[free[0], 0]), float(spots[free[0], 1]))
         places[item.name] = spot
         taken.append(_Taken(spot, size, room))
     return Tray(goal, places, tuple(sorted(without)))
@@ -771,6 +780,8 @@ class WrittenTask:
         Nest of the base; None if it stands on the table.
     why_no_nest
         Why a base that needs a nest has none, as a clause; empty otherwise.
+    station_nests
+        Nests of the stations at which sub-assemblies are built.
     """
 
     document: Mapping[str, Any]
@@ -786,6 +797,7 @@ class WrittenTask:
     doubt: str = ""
     nest: TaskNest | None = None
     why_no_nest: str = ""
+    station_nests: tuple[TaskNest, ...] = ()
 
 
 @dataclass
@@ -909,9 +921,8 @@ class TaskWriter:
         if self.nest is not None:
             files |= {path: text for path, text in self.nest.files.items() if isinstance(text, str)}
         document = self._build_document(parts, screws)
-        text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         limits = {name: tuple(lines) for name, lines in self.limits.items()}
-        files["product.yaml"] = _HEADER + _format_comments(self.left_out, limits) + text
+        files["product.yaml"] = format_task(document, self.left_out, limits)
         return WrittenTask(
             document,
             files,
@@ -1200,6 +1211,16 @@ class TaskWriter:
 
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
+
+
+def format_task(
+    document: Mapping[str, Any],
+    left_out: Mapping[str, LeftOut],
+    limits: Mapping[str, tuple[str, ...]],
+) -> str:
+    """Return the text of a task file, with comments on parts left out and limits of one arm."""
+    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+    return _HEADER + _format_comments(left_out, limits) + text
 
 
 def _format_comments(left_out: Mapping[str, LeftOut], limits: Mapping[str, tuple[str, ...]]) -> str:

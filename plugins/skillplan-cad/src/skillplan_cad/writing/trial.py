@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from skillplan.chart import HypotheticalStates
 from skillplan.checks import Feasibility
 from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain, MeshConfig
 from skillplan.errors import Issue
@@ -120,24 +121,10 @@ class TaskTrials:
         order
             Names of parts and screws in the order of the plan.
         """
-        folder = Path(self._folder.name)
-        changed = {name for name, text in files.items() if self._contents.get(name) != text}
-        for name in changed:
-            path = folder / name
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(files[name], "utf-8")
-            self._contents[name] = files[name]
-        domain = AssemblyDomain()
-        known = self._use_known_meshes(document, changed)
-        try:
-            config = domain.Config.model_validate(known, context={"folder": folder})
-        except ValidationError as error:
-            return Trial(_sort_issues(list_schema_issues(error, domain.Config)))
-        self._keep_meshes(document, config)
-        refusals = _sort_issues(domain.issues(config))
-        if refusals or SWEPT not in names("collision"):
-            return Trial(refusals)
-        (task,) = domain.ground(config, "")
+        config = self._check(document, files)
+        if isinstance(config, Trial):
+            return config
+        (task,) = AssemblyDomain().ground(config, "")
         # Paths between motions are checked once an order is found.
         setup = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
         feasibility = make_feasibility(task, setup)
@@ -159,6 +146,50 @@ class TaskTrials:
         finally:
             feasibility.close()
 
+    def confirm(
+        self, document: Mapping[str, Any], files: Mapping[str, str], order: Sequence[str]
+    ) -> Trial:
+        """Check a task, and all skills and paths of one order of it; the trial has no others."""
+        config = self._check(document, files)
+        if isinstance(config, Trial):
+            return config
+        (task,) = AssemblyDomain().ground(config, "")
+        faults = _list_engine_faults(task, config)
+        if faults:
+            return Trial(faults)
+        self._watch.report(f"writing: checking an order with sub-assemblies, {len(order)} parts")
+        states = HypotheticalStates(task)
+        state, skills = task.initial, list[Skill]()
+        for name in order:
+            state, more = states.bring(state, name)
+            skills += more
+        whole = make_feasibility(task, Setup(collision=(SWEPT,)))
+        try:
+            return _replay(whole, skills)
+        finally:
+            whole.close()
+
+    def _check(
+        self, document: Mapping[str, Any], files: Mapping[str, str]
+    ) -> AssemblyConfig | Trial:
+        """Return the configuration of a task, or the trial of one that nothing further can try."""
+        folder = Path(self._folder.name)
+        changed = {name for name, text in files.items() if self._contents.get(name) != text}
+        for name in changed:
+            path = folder / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(files[name], "utf-8")
+            self._contents[name] = files[name]
+        domain = AssemblyDomain()
+        known = self._use_known_meshes(document, changed)
+        try:
+            config = domain.Config.model_validate(known, context={"folder": folder})
+        except ValidationError as error:
+            return Trial(_sort_issues(list_schema_issues(error, domain.Config)))
+        self._keep_meshes(document, config)
+        refusals = _sort_issues(domain.issues(config))
+        return Trial(refusals) if refusals or SWEPT not in names("collision") else config
+
     def _forget_far(self, task: Task, config: AssemblyConfig) -> None:
         """Forget the parts that are out of reach now, as the table is laid out anew."""
         reach = make_feasibility(task, Setup(collision=()))
@@ -176,6 +207,10 @@ class TaskTrials:
         """Return the document with the meshes that were read before in the place of their files."""
         parts = {}
         for name, entry in document["parts"].items():
+            if "meshes" not in entry:
+                # Its members give the shape of a sub-assembly.
+                parts[name] = entry
+                continue
             meshes = []
             for mesh in entry["meshes"]:
                 known = self._meshes.get(mesh["file"])
@@ -189,7 +224,9 @@ class TaskTrials:
 
     def _keep_meshes(self, document: Mapping[str, Any], config: AssemblyConfig) -> None:
         for name, part in config.parts.items():
-            entries = document["parts"][name]["meshes"]
+            entries = document["parts"][name].get("meshes")
+            if entries is None:
+                continue
             for entry, mesh in zip(entries, part.meshes or (), strict=True):
                 self._meshes[entry["file"]] = (dict(entry), mesh)
 
@@ -245,14 +282,18 @@ class TaskTrials:
         # With the paths between motions, from the place where the arm is then.
         whole = make_feasibility(task, Setup(collision=(SWEPT,)), feasibility.cache)
         try:
-            again = replay(SkillModel(whole), order.skills)
+            return _replay(whole, order.skills)
         finally:
             whole.close()
-        skills = tuple(skill.name for skill in order.skills)
-        if again.feasible and again.complete:
-            return Trial(skills=skills)
-        fault = again.violations[0]
-        return Trial(doubt=f"{fault.skill or 'the end'} fails in it: {fault.reason}")
+
+
+def _replay(feasibility: Feasibility, skills: Sequence[Skill]) -> Trial:
+    """Return the trial of an order with all paths between motions."""
+    again = replay(SkillModel(feasibility), tuple(skills))
+    if again.feasible and again.complete:
+        return Trial(skills=tuple(skill.name for skill in skills))
+    fault = again.violations[0]
+    return Trial(doubt=f"{fault.skill or 'the end'} fails in it: {fault.reason}")
 
 
 def _list_engine_faults(task: Task, config: AssemblyConfig) -> dict[str, str]:
