@@ -148,7 +148,6 @@ def contents(folder):
         ([SOURCE, "--tolerance", "20"], "must be from 0.001 to 10 mm"),
         ([SOURCE, "--tolerance", "nan"], "finite number"),
         ([SOURCE, "--directions", "all"], "is not one of 'axes'"),
-        ([SOURCE, "--unit", "mm"], "states its unit"),
     ],
 )
 def test_what_is_wrong_is_said_and_nothing_is_written(tmp_path, capsys, words, message):

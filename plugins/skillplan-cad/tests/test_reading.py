@@ -182,10 +182,6 @@ class TestStep:
         assert warning.startswith("tray is not closed: a surface of ")
         assert "4 open edges, one at" in warning
 
-    def test_a_unit_is_refused_as_the_file_states_one(self):
-        with pytest.raises(OptionError, match="states its unit"):
-            read_product(file("threads"), ReadOptions(unit="mm"))
-
 
 class TestFolders:
     def test_a_folder_needs_a_unit(self, tmp_path):

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from skillplan.cli.options.shared import OUTPUT, CommandLimits, Jobs
-from skillplan.cli.options.values import one_of, positive_number
+from skillplan.cli.options.shared import OUTPUT, CommandLimits, Jobs, OutFolder, Style
+from skillplan.cli.options.values import one_of, option, positive_number
 
 GEOMETRY = "Geometry"
 PLANNING = "Planning"
@@ -30,269 +30,224 @@ def command(
             show_default=False,
         ),
     ],
-    out: Annotated[
-        str,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="New or empty folder for the output files.",
-            rich_help_panel=OUTPUT,
-            show_default=False,
-        ),
-    ],
+    out: OutFolder,
     *,
     limits: CommandLimits,
     unit: Annotated[
         str | None,
-        typer.Option(
-            "--unit",
-            metavar="UNIT",
-            help="Unit of the meshes in FOLDER: um, mm, cm, m, inch or foot. Of STEP, the unit in "
+        option(
+            "--unit UNIT",
+            GEOMETRY,
+            "Unit of the meshes in FOLDER: um, mm, cm, m, inch or foot. Of STEP, the unit in "
             "place of the stated one. 3MF states its own; GLB is in metres without it.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = None,
     tolerance: Annotated[
         float,
-        typer.Option(
-            "--tolerance",
-            parser=positive_number(),
-            metavar="MM",
-            help="Lateral tolerance. Parts block each other if their overlap along the direction "
+        option(
+            "--tolerance MM",
+            GEOMETRY,
+            "Lateral tolerance. Parts block each other if their overlap along the direction "
             "of motion contains a disc of this radius.",
-            rich_help_panel=GEOMETRY,
+            parser=positive_number(),
         ),
     ] = 0.1,
     chord: Annotated[
         float | None,
-        typer.Option(
-            "--chord",
-            parser=positive_number(),
-            metavar="MM",
-            help="Largest distance of triangles from the curved faces of STEP. Default: half the "
+        option(
+            "--chord MM",
+            GEOMETRY,
+            "Largest distance of triangles from the curved faces of STEP. Default: half the "
             "tolerance.",
-            rich_help_panel=GEOMETRY,
+            parser=positive_number(),
         ),
     ] = None,
     directions: Annotated[
         Literal["axes", "cylinders", "contacts"],
-        typer.Option(
-            "--directions",
-            parser=one_of(_DIRECTIONS),
-            metavar="FROM",
-            help="Directions of motion: axes (of the file), cylinders (also the axes of screws and "
+        option(
+            "--directions FROM",
+            GEOMETRY,
+            "Directions of motion: axes (of the file), cylinders (also the axes of screws and "
             "round fits), or contacts (also the normals and edges of flat contacts).",
-            rich_help_panel=GEOMETRY,
+            parser=one_of(_DIRECTIONS),
         ),
     ] = "cylinders",
     threads: Annotated[
         Literal["unscrew", "solid", "ignore"],
-        typer.Option(
-            "--threads",
-            parser=one_of(_THREADS),
-            metavar="HOW",
-            help="Treatment of threads. unscrew: a screw leaves its thread along its axis; solid: "
+        option(
+            "--threads HOW",
+            GEOMETRY,
+            "Treatment of threads. unscrew: a screw leaves its thread along its axis; solid: "
             "threads block as drawn; ignore: a screw and its mate never block each other.",
-            rich_help_panel=GEOMETRY,
+            parser=one_of(_THREADS),
         ),
     ] = "unscrew",
     split_bodies: Annotated[
         bool,
-        typer.Option(
-            "--split-bodies",
-            help="Import each body of a multi-body part as a separate part.",
-            rich_help_panel=GEOMETRY,
+        option(
+            "--split-bodies", GEOMETRY, "Import each body of a multi-body part as a separate part."
         ),
     ] = False,
     leave_out: Annotated[
         list[str] | None,
-        typer.Option(
-            "--leave-out",
-            metavar="PATTERN",
-            help="Leave out the parts whose name, or the last word of it, fits PATTERN, such as "
+        option(
+            "--leave-out PATTERN",
+            GEOMETRY,
+            "Leave out the parts whose name, or the last word of it, fits PATTERN, such as "
             "'label*'. Repeatable.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            "--only",
-            metavar="PATTERN",
-            help="Import only the parts whose name fits PATTERN. Repeatable.",
-            rich_help_panel=GEOMETRY,
+        option(
+            "--only PATTERN", GEOMETRY, "Import only the parts whose name fits PATTERN. Repeatable."
         ),
     ] = None,
     as_one: Annotated[
         list[str] | None,
-        typer.Option(
-            "--as-one",
-            metavar="PATTERN",
-            help="Import all parts whose name fits PATTERN as one part, such as a bought-in "
+        option(
+            "--as-one PATTERN",
+            GEOMETRY,
+            "Import all parts whose name fits PATTERN as one part, such as a bought-in "
             "cylinder with its rod. Repeatable.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = None,
     no_units: Annotated[
         bool,
-        typer.Option(
+        option(
             "--no-units",
-            help="Keep parts of one assembly that are caught in each other, such as the rings of a "
+            GEOMETRY,
+            "Keep parts of one assembly that are caught in each other, such as the rings of a "
             "bearing, apart, and the bodies of a part that closes others in together.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = False,
     fit_allowance: Annotated[
         float | None,
-        typer.Option(
-            "--fit-allowance",
-            parser=positive_number(),
-            metavar="MM",
-            help="Greatest depth of an overlap that is a fit instead of interference, on each "
+        option(
+            "--fit-allowance MM",
+            GEOMETRY,
+            "Greatest depth of an overlap that is a fit instead of interference, on each "
             "side. Default: the greatest interference of ISO 286 (zc6) by diameter; for a shaft in "
             "a hole the depth of a thread; for fasteners 25 % of the radius; for seals 30 % of the "
             "section; for parts drawn sunk in their seat 1 mm.",
-            rich_help_panel=GEOMETRY,
+            parser=positive_number(),
         ),
     ] = None,
     press_fit: Annotated[
         list[str] | None,
-        typer.Option(
-            "--press-fit",
-            metavar="A,B",
-            help="Take the overlap of parts A and B, names or patterns, as a fit, however deep. "
+        option(
+            "--press-fit A,B",
+            GEOMETRY,
+            "Take the overlap of parts A and B, names or patterns, as a fit, however deep. "
             "Repeatable.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = None,
     fastener: Annotated[
         list[str] | None,
-        typer.Option(
-            "--fastener",
-            metavar="PATTERN",
-            help="Take the parts whose name fits PATTERN as fasteners: nuts and washers if they "
+        option(
+            "--fastener PATTERN",
+            GEOMETRY,
+            "Take the parts whose name fits PATTERN as fasteners: nuts and washers if they "
             "have a bore, otherwise screws, unless their name says what they are. Repeatable.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = None,
     not_fastener: Annotated[
         list[str] | None,
-        typer.Option(
-            "--not-fastener",
-            metavar="PATTERN",
-            help="Take the parts whose name fits PATTERN as ordinary parts. Repeatable.",
-            rich_help_panel=GEOMETRY,
+        option(
+            "--not-fastener PATTERN",
+            GEOMETRY,
+            "Take the parts whose name fits PATTERN as ordinary parts. Repeatable.",
         ),
     ] = None,
     no_holders: Annotated[
         bool,
-        typer.Option(
+        option(
             "--no-holders",
-            help="Leave out parts that do not stay where they are put, instead of holding them by "
+            GEOMETRY,
+            "Leave out parts that do not stay where they are put, instead of holding them by "
             "supports of their own.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = False,
     thickness: Annotated[
         float | None,
-        typer.Option(
-            "--thickness",
-            parser=positive_number(),
-            metavar="MM",
-            help="Thickness of parts that are open surfaces. Without it they have the mass of "
+        option(
+            "--thickness MM",
+            GEOMETRY,
+            "Thickness of parts that are open surfaces. Without it they have the mass of "
             "their bounding boxes and are no parts of the task.",
-            rich_help_panel=GEOMETRY,
+            parser=positive_number(),
         ),
     ] = None,
     density: Annotated[
         float | None,
-        typer.Option(
-            "--density",
+        option(
+            "--density KG/M3",
+            GEOMETRY,
+            "Density of the parts without a material. Default: 7850 (steel).",
             parser=positive_number(),
-            metavar="KG/M3",
-            help="Density of the parts without a material. Default: 7850 (steel).",
-            rich_help_panel=GEOMETRY,
         ),
     ] = None,
     material: Annotated[
         list[str] | None,
-        typer.Option(
-            "--material",
-            metavar="PATTERN=MATERIAL",
-            help="Material of the parts whose name fits PATTERN, such as 'lid*=abs': steel, "
+        option(
+            "--material PATTERN=MATERIAL",
+            GEOMETRY,
+            "Material of the parts whose name fits PATTERN, such as 'lid*=abs': steel, "
             "stainless, cast-iron, aluminium, brass, copper, titanium, abs, pla, pa, pom, pc, "
             "wood and others, or a density in kg/m3. Repeatable; the last that fits counts.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = None,
     up: Annotated[
         Literal["auto", "x", "y", "z", "-x", "-y", "-z"],
-        typer.Option(
-            "--up",
-            parser=one_of(_UPS),
-            metavar="AXIS",
-            help="Axis of the file that points up: x, y, z, -x, -y, -z, or auto: z, unless more "
+        option(
+            "--up AXIS",
+            PLANNING,
+            "Axis of the file that points up: x, y, z, -x, -y, -z, or auto: z, unless more "
             "parts stand by themselves with another axis.",
-            rich_help_panel=PLANNING,
+            parser=one_of(_UPS),
         ),
     ] = "auto",
     base: Annotated[
         str | None,
-        typer.Option(
-            "--base",
-            metavar="PART",
-            help="Part to assemble the others onto. Default: chosen automatically; the output "
+        option(
+            "--base PART",
+            PLANNING,
+            "Part to assemble the others onto. Default: chosen automatically; the output "
             "gives the reason.",
-            rich_help_panel=PLANNING,
         ),
     ] = None,
     robot: Annotated[
         str,
-        typer.Option(
-            "--robot",
-            metavar="ARM",
-            help="Arm of the written task: panda, ur5e, or another of `skillplan check`; or auto: "
+        option(
+            "--robot ARM",
+            PLANNING,
+            "Arm of the written task: panda, ur5e, or another of `skillplan check`; or auto: "
             "panda, or the weakest arm that carries and reaches more parts.",
-            rich_help_panel=PLANNING,
         ),
     ] = "auto",
     nests: Annotated[
         bool,
-        typer.Option(
+        option(
             "--nests",
-            help="Cut a nest to print for each orientation of the plan, checked by rays, with "
+            PLANNING,
+            "Cut a nest to print for each orientation of the plan, checked by rays, with "
             "drawings; see `skillplan nest`.",
-            rich_help_panel=PLANNING,
         ),
     ] = False,
     no_nests: Annotated[
         bool,
-        typer.Option(
+        option(
             "--no-nests",
-            help="Leave the base on the table of the task. Without the option it stands in a nest "
+            PLANNING,
+            "Leave the base on the table of the task. Without the option it stands in a nest "
             "if other parts would push it aside, or if an arm cannot drive its level screws there.",
-            rich_help_panel=PLANNING,
         ),
     ] = False,
     jobs: Jobs = 1,
     no_cache: Annotated[
-        bool,
-        typer.Option(
-            "--no-cache",
-            help="Ignore cached stages, and cache none.",
-            rich_help_panel=OUTPUT,
-        ),
+        bool, option("--no-cache", OUTPUT, "Ignore cached stages, and cache none.")
     ] = False,
-    style: Annotated[
-        Literal["table", "json", "csv", "md"],
-        typer.Option(
-            "--format",
-            parser=one_of(("table", "json", "csv", "md")),
-            metavar="FORMAT",
-            help="Output format: table, json, csv or md. json prints report.json.",
-            rich_help_panel=OUTPUT,
-        ),
-    ] = "table",
+    style: Style = "table",
 ) -> int:
     """Turn the CAD of a product into an assembly task.
 

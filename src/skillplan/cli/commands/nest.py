@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from skillplan.cli.options.shared import OUTPUT, CommandLimits, Style
+from skillplan.cli.options.shared import CommandLimits, OutFolder, Style
 from skillplan.cli.options.values import one_of, option, positive_number
 
 PART = "Part"
@@ -31,12 +31,7 @@ def command(
             show_default=False,
         ),
     ],
-    out: Annotated[
-        str,
-        option(
-            "--out DIR", OUTPUT, "New or empty folder for the output files.", show_default=False
-        ),
-    ],
+    out: OutFolder,
     *,
     limits: CommandLimits,
     unit: Annotated[

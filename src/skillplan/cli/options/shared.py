@@ -65,6 +65,10 @@ Style = Annotated[
         parser=one_of(FORMATS),
     ),
 ]
+OutFolder = Annotated[
+    str,
+    option("--out DIR", OUTPUT, "New or empty folder for the output files.", show_default=False),
+]
 Seed = Annotated[
     int,
     option("--seed N", SOLVER, "Seed of all random numbers.", parser=whole_number(0, _MOST_SEED)),
