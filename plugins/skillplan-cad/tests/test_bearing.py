@@ -18,6 +18,7 @@ from skillplan_cad import (
     LeftOut,
     Planner,
     Product,
+    add_turns,
     build_task,
     choose_attitude,
     find_bearing,
@@ -110,6 +111,73 @@ def test_a_rod_is_held_while_its_nuts_are_driven():
     assert "turns rod with it" in alone.undriven["M10 nut 1"].text
     assert held.undriven == {}
     assert held.held == ("rod",)
+
+
+def turned_screw(x, y, z):
+    """Return a screw from below, with its seat at a point."""
+    return rod(x, y, z - 3, 3.5, 3) + rod(x, y, z, 2, 9)
+
+
+def hollow_body():
+    """Return a body with a recess in its underside, a cover for that, and its screws."""
+    body, cover = (
+        box(0, 0, 0, 60, 60, 30) - box(6, 6, -1, 54, 54, 6),
+        box(6.3, 6.3, 2, 53.7, 53.7, 6),
+    )
+    solids = {}
+    for number, at in enumerate(((15, 15), (45, 45)), 1):
+        body -= rod(*at, 5, 2, 9)
+        cover -= rod(*at, 1, 2.2, 6)
+        solids[f"screw_{number}"] = turned_screw(*at, 2)
+    return {"body": body, "cover": cover, **solids}
+
+
+def test_what_is_driven_from_below_comes_after_a_turn_and_so_does_what_needs_no_hold_then():
+    """Before the turn the cover would wait in the air for the body."""
+    product = product_of(**hollow_body())
+    known = related(product)
+    alone = find_bearing(product, known, UP, holding=True)
+    assert set(alone.undriven) == {"screw_1", "screw_2"}
+    assert "cover" in alone.held
+    bearing = add_turns(product, known, alone)
+    assert bearing.order == ("body", "cover")
+    assert bearing.turned == dict.fromkeys(("cover", "screw_1", "screw_2"), ATTITUDES["-z"])
+    assert (bearing.held, bearing.why_not, bearing.undriven) == (("body",), {}, {})
+
+
+def test_a_turn_holds_what_no_screw_joins_to_the_base():
+    lid = {"lid": box(0, 0, 30, 60, 60, 34)}
+    for held, screws in ((("body", "lid"), {}), (("body",), {"top_screw": 30})):
+        solids = hollow_body() | lid
+        for name, z in screws.items():
+            solids["body"] -= rod(30, 30, z - 8, 2, 9)
+            solids["lid"] -= rod(30, 30, z - 1, 2.2, 9)
+            solids[name] = turned_screw(0, 0, 0).mirror((0, 0, 1)).translate((30, 30, 34))
+        product = product_of(**solids)
+        known = related(product)
+        bearing = add_turns(product, known, find_bearing(product, known, UP, holding=True))
+        assert bearing.held == held
+        assert "lid" not in bearing.turned
+
+
+def test_a_product_that_comes_from_above_is_not_turned():
+    product = product_of(plate=PLATE, sleeve=SLEEVE)
+    alone = borne(product)
+    assert add_turns(product, related(product), alone) == alone
+
+
+@pytest.mark.slow(reason="tries grasps and a turn with swept; the bearing in every run")
+def test_a_written_turn_is_checked_and_brings_all_parts():
+    product = product_of(**hollow_body())
+    known = related(product)
+    plan = Planner(product, known).plan()
+    bearing = find_bearing(product, known, UP, holding=True)
+    task = build_task(product, known, plan, bearing=bearing, holding=True, turning=True)
+    assert (task.left_out, task.faults, task.doubt) == ({}, (), "")
+    assert "turn(flip_station.down)" in task.skills
+    assert task.document["holders"].keys() == {"hold_body"}
+    orientations = {name: entry["orientation"] for name, entry in task.document["parts"].items()}
+    assert orientations == {"body": "up", "cover": "down"}
 
 
 FRAME = box(0, 0, 0, 60, 40, 40) - box(10, -1, 10, 50, 41, 41)

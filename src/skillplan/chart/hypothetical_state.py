@@ -70,8 +70,12 @@ class HypotheticalStates:
 
     def bring(self, state: State, component: str) -> tuple[State, list[Skill]]:
         """Return the state after a component is brought to its goal, and the skills for it."""
+        return self.reach(state, self.task.operations[component])
+
+    def reach(self, state: State, fact: str) -> tuple[State, list[Skill]]:
+        """Return a state in which a fact holds, and the skills that lead there."""
         skills: list[Skill] = []
-        return self._bring(state, self.task.operations[component], skills), skills
+        return self._bring(state, fact, skills), skills
 
     def settled(self, skill: Skill, before: Iterable[str], after: Iterable[str]) -> set[str]:
         """Return the facts that hold before a skill in every order that respects it."""

@@ -46,6 +46,7 @@ from .planning.replay import replay as replay
 from .planning.sequence import Sequencer as Sequencer
 from .planning.shrunk_meshes import shrink_mesh as shrink_mesh
 from .planning.stability import Stability as Stability
+from .planning.turns import add_turns as add_turns
 from .planning.watch import Watch as Watch
 from .product import Face as Face
 from .product import Part as Part
@@ -120,6 +121,7 @@ __all__ = [
     "StepContent",
     "Watch",
     "add_groups",
+    "add_turns",
     "analyse_product",
     "analyse_units",
     "assemble_relation",

@@ -168,6 +168,15 @@ def command(
             "supports of their own.",
         ),
     ] = False,
+    no_turns: Annotated[
+        bool,
+        typer.Option(
+            "--no-turns",
+            help="Leave out parts and screws that do not come from above in one orientation, "
+            "instead of turning the product on a workholder.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = False,
     thickness: Annotated[
         float | None,
         option(
@@ -307,6 +316,7 @@ def command(
             "nesting": not no_nests,
             "jobs": jobs,
             "holding": not no_holders,
+            "turning": not no_turns,
             "keep": not no_cache,
         },
         lambda line: tell(f"skillplan: {line}"),

@@ -205,6 +205,13 @@ def build_attitude_document(bearing: Bearing) -> dict[str, Any]:
         "up": name_up_axis(bearing),
         "stands": [{"part": name, "on": list(bearing.on[name])} for name in bearing.order],
         "held": list(bearing.held),
+        "turned": [
+            {
+                "up": _name_axis(up),
+                "parts": [name for name, own in bearing.turned.items() if own == up],
+            }
+            for up in bearing.ups[1:]
+        ],
     }
 
 
@@ -238,8 +245,33 @@ def list_attitude_warnings(
 
 
 def name_up_axis(bearing: Bearing) -> str:
-    """Return the up axis as ``--up`` names it."""
-    return next(name for name, up in ATTITUDES.items() if up == bearing.up)
+    """Return the up axis at the start as ``--up`` names it."""
+    return _name_axis(bearing.up)
+
+
+def _name_axis(vector: Vector) -> str:
+    return next(name for name, up in ATTITUDES.items() if up == vector)
+
+
+def list_turn_lines(task: WrittenTask, why: Mapping[str, LeftOut]) -> list[str]:
+    """Return a line for each turn, with the parts that need it and the reason.
+
+    Parameters
+    ----------
+    why
+        Reasons why parts are left out without turns.
+    """
+    lines = []
+    for up in task.bearing.ups[1:]:
+        names = [n for n, own in task.bearing.turned.items() if own == up and n in task.names]
+        reasons = {why[name].text.partition(":")[0] for name in names if name in why}
+        because = f": without it one {' or '.join(sorted(reasons))}" if reasons else ""
+        lines.append(
+            f"the product turns until {_name_axis(up)} points up, for {_name_first(names)}{because}"
+        )
+    if lines:
+        lines.append(f"{len(lines)} turn{'s' * (len(lines) > 1)}, the least of those tried")
+    return lines
 
 
 _PLAN, _REPLAY = TypeAdapter(AssemblyPlan), TypeAdapter(Replay)
@@ -337,6 +369,7 @@ def plan_product(
         bearing = find_bearing(product, relation, bearing.up, without, holding=settings.holding)
     task = _write_task(findings, settings, plan, bearing, without, writing, lines)
     document["attitude"] = build_attitude_document(task.bearing)
+    lines += list_turn_lines(task, {**bearing.why_not, **bearing.undriven})
     warnings += list_attitude_warnings(product, relation, task.bearing, settings.up)
     document |= build_left_out_document(task.left_out)
     if task.document:
@@ -439,6 +472,7 @@ def _write_task(
         writing,
         longer,
         holding=settings.holding,
+        turning=settings.turning,
         known=known,
         nesting=settings.nesting,
     )

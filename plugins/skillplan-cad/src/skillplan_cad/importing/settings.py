@@ -65,6 +65,8 @@ class ImportSettings:
         True if the base of the task may stand in a nest.
     holding
         True if parts that do not stay where they are put may be held by supports of their own.
+    turning
+        True if a workholder may turn the product.
     keep
         True to cache stages on disk.
     """
@@ -95,6 +97,7 @@ class ImportSettings:
     nesting: bool = True
     jobs: int = 1
     holding: bool = True
+    turning: bool = True
     keep: bool = True
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ needs it. A part that is never free in this way is left out.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -67,6 +67,9 @@ class Bearing:
     held
         Parts that supports of their own hold where they are, screws and nuts that they keep from
         turning included.
+    turned
+        Vectors that point up when parts and screws go in after the product was turned, in the order
+        of the turns.
     """
 
     up: Vector
@@ -75,6 +78,16 @@ class Bearing:
     why_not: Mapping[str, LeftOut] = field(default_factory=dict)
     undriven: Mapping[str, LeftOut] = field(default_factory=dict)
     held: tuple[str, ...] = ()
+    turned: Mapping[str, Vector] = field(default_factory=dict)
+
+    @property
+    def ups(self) -> tuple[Vector, ...]:
+        """Vectors that point up one after another."""
+        return tuple(dict.fromkeys((self.up, *self.turned.values())))
+
+    def get_up(self, name: str) -> Vector:
+        """Return the vector that points up when a part goes in."""
+        return self.turned.get(name, self.up)
 
 
 def find_bearing(
@@ -85,6 +98,8 @@ def find_bearing(
     equilibrium: Equilibrium | None = None,
     *,
     holding: bool = False,
+    firm: Collection[str] = (),
+    earlier: Sequence[Vector] = (),
 ) -> Bearing:
     """Return the supports and the order of the parts that one arm brings, in one orientation.
 
@@ -99,16 +114,26 @@ def find_bearing(
         Contact forces of the product, which orientations share.
     holding
         True if parts that do not stay may be held by supports of their own.
+    firm
+        Parts and screws that are in, and that a turn of the product did not move.
+    earlier
+        Vectors that pointed up before that turn.
     """
     forces = equilibrium or Equilibrium(product, relation)
-    return _Standing(product, relation, up, forces, absent, holding).best()
+    return _Standing(product, relation, up, forces, absent, holding, firm, earlier).best()
 
 
-def hold_mates(relation: Relation, up: Vector) -> Relation:
+def hold_mates(relation: Relation, *ups: Vector) -> Relation:
     """Return a relation in which one of each bolt and nut is held from turning.
 
-    The other one, from above, is driven.
+    The other one, from above in the first orientation that allows it, is driven.
     """
+    for up in ups:
+        relation = _hold_mates(relation, up)
+    return relation
+
+
+def _hold_mates(relation: Relation, up: Vector) -> Relation:
     mates: set[str] = set()
     for name in sorted(relation.driven, key=relation.index):
         if find_driven_mate(relation, name, relation.driven - mates, up) is not None:
@@ -200,9 +225,11 @@ class _Standing:
         equilibrium: Equilibrium,
         absent: Collection[str],
         holding: bool,
+        firm: Collection[str],
+        earlier: Sequence[Vector],
     ) -> None:
-        given = relation
-        relation = hold_mates(relation, up) if holding else relation
+        given, self._firm = relation, set(firm)
+        relation = hold_mates(relation, *earlier, up) if holding else relation
         self._holding, self._held = holding, set[str]()
         self._up, self._vector, self._plan = up, np.asarray(up), find_axes_across(up)
         self._product, self._relation, self._equilibrium = product, relation, equilibrium
@@ -213,7 +240,7 @@ class _Standing:
             fastener.part for fastener in given.fasteners if fastener.held
         }
         rods = {rod for name in self._driven for rod in list_rods(relation, name)}
-        self._turning = mates | rods if holding else set[str]()
+        self._turning = (mates | rods) - self._firm if holding else set[str]()
         self._parts = {
             part.name: part
             for part in product
@@ -241,6 +268,7 @@ class _Standing:
             for name, other in (contact.parts, contact.parts[::-1]):
                 if name in self._touched:
                     self._touched[name] |= 1 << self._numbers[other]
+        self._firm_bits = encode_set([self._numbers[name] for name in self._firm])
         self._known: dict[tuple[str, int, bool], bool] = {}
         self._earlier: dict[str, int] = {}
         self._blockers: dict[int, list[int]] = {}
@@ -256,6 +284,9 @@ class _Standing:
         """Return the largest set of parts that one arm places."""
         present = set(self._parts)
         undriven = self._find_undriven()
+        if self._firm:
+            near = {name for name in self._parts if self._touched[name] or name in self._firm}
+            return self._order(self._support(near, -np.inf), -np.inf, undriven)
         best = self._order({}, 0.0, undriven)
         while present and len(present) > len(best.order):
             ground = min(self._lowest[name] for name in present)
@@ -318,7 +349,7 @@ class _Standing:
         """
         words = "is driven from below: the product has to be turned over, or held up by a fixture"
         undriven = {}
-        for name in sorted(self._driven, key=self._numbers.__getitem__):
+        for name in sorted(self._driven - self._firm, key=self._numbers.__getitem__):
             is_below = float(np.dot(self._get_axis(name), self._vector)) < -_SIDEWAYS
             mate = find_driven_mate(self._relation, name, self._driven, self._up)
             if mate is not None:
@@ -357,9 +388,11 @@ class _Standing:
         self, present: Collection[str], ground: float
     ) -> dict[str, tuple[str, ...]]:
         """Return the supported parts, each after its supports."""
-        supports_of: dict[str, tuple[str, ...]] = {}
-        waiting = [name for name in self._parts if name in present]
-        standing = 0
+        supports_of: dict[str, tuple[str, ...]] = {
+            name: () for name in self._parts if name in self._firm
+        }
+        waiting = [name for name in self._parts if name in present and name not in supports_of]
+        standing = self._firm_bits
         while True:
             for name in waiting:
                 if self._stays(name, standing, ground):
@@ -372,7 +405,7 @@ class _Standing:
 
     def _stays(self, name: str, standing: int, ground: float) -> bool:
         """Return whether a support, the table or parts that stand keep a part in place."""
-        if name in self._held:
+        if name in self._held or name in self._firm:
             return True
         grounded = self._lowest[name] < ground + _TOUCH_M
         key = (name, standing & self._touched[name], grounded)
@@ -418,23 +451,27 @@ class _Standing:
             self._earlier = self._rank(kept)
             screws = self._driven - reasons.keys()
             everything = encode_set([self._numbers[name] for name in (*kept, *screws)])
-            removed, left = self._take_away(everything, ground)
+            removed, left = self._take_away(everything | self._firm_bits, ground)
+            left &= ~self._firm_bits
             if not left:
                 break
             name = self._choose_withdrawn(left, ground)
-            reasons[name] = self._explain_closed_in(name, left)
+            reasons[name] = self._explain_closed_in(name, left | self._firm_bits)
             kept.pop(name, None)
             there = {other for other in kept if other not in reasons}
             kept = self._support(there, ground)
         order = [name for name in reversed(removed) if name in kept]
-        standing: dict[str, tuple[str, ...]] = {}
+        standing: dict[str, tuple[str, ...]] = {
+            name: () for name in self._parts if name in self._firm
+        }
         for name in order:
             standing[name] = self._list_bearers(name, standing)
         why_not = {name: reason for name, reason in reasons.items() if name in self._parts}
         why_not = self._explain_all(standing, why_not)
         undriven = {name: reason for name, reason in reasons.items() if name in self._driven}
         held = tuple(name for name in order if name in self._held)
-        return Bearing(self._up, tuple(order), standing, why_not, undriven, held)
+        on = {name: standing[name] for name in order}
+        return Bearing(self._up, tuple(order), on, why_not, undriven, held)
 
     def _rank(self, kept: Collection[str]) -> dict[str, int]:
         """Return the parts before each part: supports must not bear each other in a circle."""
@@ -446,11 +483,11 @@ class _Standing:
 
     def _drop_loose(self, kept: Mapping[str, object], reasons: dict[str, LeftOut]) -> None:
         """Leave out the screws and nuts that join a part that is left out."""
-        there = set(kept) | (self._driven - reasons.keys())
+        there = set(kept) | (self._driven - reasons.keys()) | self._firm
         changed = True
         while changed:
             changed = False
-            for name in sorted(there & self._driven, key=self._numbers.__getitem__):
+            for name in sorted(there & self._driven - self._firm, key=self._numbers.__getitem__):
                 for join in list_required(self._relation, name, self._up):
                     if join not in there:
                         words = f"goes through or into {join}, which is left out"
@@ -484,6 +521,8 @@ class _Standing:
     def _is_free(self, number: int, present: int, ground: float) -> bool:
         """Return whether a part can leave upwards or sideways, and all others stay."""
         name, others = self._relation.names[number], present & ~(1 << number)
+        if name in self._firm:
+            return False
         joined = name in self._parts and any(
             name in joins and others >> self._numbers[screw] & 1
             for screw, joins in self._joined.items()
@@ -516,7 +555,8 @@ class _Standing:
         """Return the part without which most others are placed; ties go to the lightest."""
         masses = {n: self._product.parts[n].mass_kg for n in list_members(left)}
         tried = sorted(masses, key=lambda n: (masses[n], n))[:_MOST_TRIED]
-        rests = {n: self._take_away(left & ~(1 << n), ground)[1].bit_count() for n in tried}
+        firm = self._firm_bits
+        rests = {n: self._take_away(left & ~(1 << n) | firm, ground)[1].bit_count() for n in tried}
         number = min(tried, key=lambda n: (rests[n], masses[n], n))
         return self._relation.names[number]
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
+from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.product import Part, Vector
 from skillplan_cad.writing.held_part import LONG_ARM, Load, get_payload_kg
 from skillplan_cad.writing.task_document import (
@@ -44,7 +45,7 @@ def choose_arm(parts: Sequence[Part], up: Vector, loads: Mapping[str, Load] | No
         carried = [part for part in parts if load_of[part.name].mass_kg <= get_payload_kg(arm)]
         count = len(carried)
         if count > most and carried:
-            places = lay_out_parts(carried, carried, names, (), up, arm)
+            places = lay_out_parts(carried, carried, names, (), Bearing(up, ()), arm)
             far = {
                 part.name
                 for part in carried

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -19,8 +19,9 @@ from skillplan_cad.planning.bearing import (
     hold_mates,
     list_required,
 )
+from skillplan_cad.planning.turns import add_turns, list_driven
 from skillplan_cad.planning.watch import Watch
-from skillplan_cad.product import Product, Vector
+from skillplan_cad.product import Product
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.writing.held_part import KnownHolds, PartHolds
 from skillplan_cad.writing.pieces_proof import Cuts, PieceProof, ProvedPieces
@@ -33,7 +34,7 @@ from skillplan_cad.writing.task_document import (
     list_undriven_nuts,
 )
 from skillplan_cad.writing.trial import Failure, TaskTrials, Trial
-from skillplan_cad.writing.upright import place_upright
+from skillplan_cad.writing.upright import place_turned, place_upright
 
 # Number of further orientations, which are tried if the arm brings less than a share of the parts.
 _MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
@@ -58,6 +59,7 @@ def build_task(
     holding: bool = False,
     known: KnownHolds | None = None,
     nesting: bool = False,
+    turning: bool = False,
 ) -> WrittenTask:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
@@ -88,6 +90,8 @@ def build_task(
         Tools and grasps that were found before.
     nesting
         True if a base that later parts would push aside stands in a nest.
+    turning
+        True if a workholder may turn the product, which takes supports.
     """
     watch = watch or Watch()
     cuts, known = Cuts(product), known or KnownHolds()
@@ -149,7 +153,29 @@ def build_task(
         task = build(again, longer, most)
         if _weigh(product, task.names) > most:
             best = task
+    if turning and holding:
+        best = _turn_product(product, relation, plan, best, absent, build)
     return best
+
+
+def _turn_product(
+    product: Product,
+    relation: Relation,
+    plan: AssemblyPlan,
+    task: WrittenTask,
+    absent: Collection[str],
+    build: Callable[[Bearing, str, float], WrittenTask],
+) -> WrittenTask:
+    """Return a task that turns the product if it has more of the parts, or else the given one."""
+    bearing = find_bearing(product, relation, task.bearing.up, absent, holding=True)
+    turned = add_turns(product, relation, bearing, absent, plan.base)
+    most = _weigh(product, task.names)
+    promised = {*turned.order, *list_driven(relation, turned, absent)}
+    if not turned.turned or not task.document or _weigh(product, promised) <= most:
+        return task
+    further = build(turned, task.document["robot"]["model"], most)
+    stands = not further.doubt.startswith("turn(")
+    return further if stands and _weigh(product, further.names) > most else task
 
 
 def _list_promised(
@@ -200,13 +226,23 @@ class _TaskBuilder:
         holding: bool,
         nests: NestChoice | None,
     ) -> None:
-        self._holding, self._given, self._nests = holding, relation, nests
-        relation = hold_mates(relation, bearing.up) if holding else relation
-        self._product, self._relation, self._plan = product, relation, plan
-        self._robot, self._bearing, self._remarks = robot, bearing, remarks
+        self._holding, self._given = holding, relation
+        # A workholder carries a product in the air, where no nest stands.
+        self._nests = None if bearing.turned else nests
+        self._turning = bool(bearing.turned)
+        self._product, self._plan, self._robot, self._remarks = product, plan, robot, remarks
         self._indirect = find_indirect_parts(plan)
-        self._holds = PartHolds(product, relation, plan.base, bearing.up, robot, known)
+        self._known = known
         self._absent: dict[str, LeftOut] = {}
+        self._begin(bearing)
+
+    def _begin(self, bearing: Bearing) -> None:
+        """Forget the tools that were chosen in other orientations."""
+        self._bearing = self._first = bearing
+        mates = hold_mates(self._given, *bearing.ups) if self._holding else self._given
+        self._relation = mates
+        base, up = self._plan.base, bearing.up
+        self._holds = PartHolds(self._product, mates, base, up, self._robot, self._known)
         # Parts that are in no order with the first tool that holds them.
         self._conflicting: dict[str, dict[str, LeftOut]] = {}
         # Task names by part of the last task.
@@ -230,17 +266,33 @@ class _TaskBuilder:
             Weight of another orientation: with less, the task is given up.
         """
         self._absent |= without
+        while (task := self._write(cuts, trials, watch, least_weight)) is None:
+            trials.forget()
+            self._begin(self._bearing)
+        return task
+
+    def _write(
+        self, cuts: Cuts, trials: TaskTrials, watch: Watch, least_weight: float
+    ) -> WrittenTask | None:
+        """Return the task; None if parts go in in other orientations than before."""
         if self._proof is None:
-            upright = place_upright(self._product, self._bearing.up, (0.0, 0.0))
-            parts = self._bearing.order
+            parts, bearing = self._product.parts, self._bearing
+            upright = place_turned(parts, bearing.ups, bearing.turned, (0.0, 0.0))
             self._proof = PieceProof(
-                self._product, self._relation, self._plan, parts, upright, cuts, watch
+                self._product, self._relation, self._plan, bearing.order, upright, cuts, watch
             )
         places: Places | None = None
         while True:
+            if not self._is_in_same_poses():
+                return None
             unheld = self._holds.choose(self._bearing)
             if unheld:
                 self._leave_out(unheld)
+                continue
+            if self._holds.fixed and self._turning:
+                # No workholder turns what no hand brings.
+                self._turning = False
+                self._leave_out({})
                 continue
             left_out = self._list_left_out()
             kept = {part.name for part in self._product} - left_out.keys()
@@ -365,18 +417,24 @@ class _TaskBuilder:
         left_out = {**reasons, **self._absent}
         there = self._relation.driven - left_out.keys()
         left_out |= list_undriven_nuts(self._product, self._relation, there)
-        return left_out | _find_loose_screws(self._relation, left_out, self._bearing.up)
+        return left_out | _find_loose_screws(self._relation, left_out, self._bearing)
 
     def _leave_out(self, reasons: Mapping[str, LeftOut]) -> None:
-        if reasons:
-            self._absent |= reasons
-            self._bearing = find_bearing(
-                self._product,
-                self._given,
-                self._bearing.up,
-                self._absent,
-                holding=self._holding,
-            )
+        self._absent |= reasons
+        product, relation, absent = self._product, self._given, self._absent
+        up, base = self._bearing.up, self._plan.base
+        self._bearing = find_bearing(product, relation, up, absent, holding=self._holding)
+        if self._turning:
+            self._bearing = add_turns(product, relation, self._bearing, absent, base)
+
+    def _is_in_same_poses(self) -> bool:
+        """Return whether all parts go in in the orientations that were begun with."""
+        now, first = self._bearing, self._first
+        names = {*now.order, *list_driven(self._given, now, self._absent)}
+        known = {*first.order, *list_driven(self._given, first)}
+        return now.ups == first.ups and all(
+            now.get_up(name) == first.get_up(name) for name in names & known
+        )
 
     def _judge(
         self, trial: Trial, names: Mapping[str, str], trials: TaskTrials
@@ -437,12 +495,12 @@ def _write_nothing(
 
 
 def _find_loose_screws(
-    relation: Relation, left_out: Mapping[str, LeftOut], up: Vector
+    relation: Relation, left_out: Mapping[str, LeftOut], bearing: Bearing
 ) -> dict[str, LeftOut]:
     """Return the screws and nuts that need a part that is left out, each with a reason."""
     loose: dict[str, LeftOut] = {}
     for name in sorted(relation.driven - left_out.keys(), key=relation.index):
-        for join in list_required(relation, name, up):
+        for join in list_required(relation, name, bearing.get_up(name)):
             if join in left_out or join in loose:
                 words = f"goes through or into {join}, which is left out"
                 loose[name] = LeftOut(name, "follows", words, (join,))

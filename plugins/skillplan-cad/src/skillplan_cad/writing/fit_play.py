@@ -90,7 +90,7 @@ def list_free_directions(
     directions = []
     for number, blockers in relation.blocker_sets[relation.index(name)]:
         x, y, z = relation.directions[number]
-        vector = upright.vector((-x, -y, -z))
+        vector = upright.of(name).vector((-x, -y, -z))
         if vector[2] < _LEVEL and not blockers & there:
             directions.append((vector, blockers))
     return directions
@@ -131,7 +131,7 @@ class FitPlay:
     ) -> None:
         self._product, self._upright = product, upright
         self._along = {
-            name: upright.vector(step.along) for step in plan.steps for name in step.parts
+            name: upright.of(name).vector(step.along) for step in plan.steps for name in step.parts
         }
         in_order = list(dict.fromkeys((*order, plan.base, *self._along)))
         self._before = {name: in_order[:number] for number, name in enumerate(in_order)}
@@ -139,7 +139,7 @@ class FitPlay:
             free = list_free_directions(relation, upright, name, self._before[name])
             planned = self._along.get(name, DOWN)
             self._along[name] = choose_direction([vector for vector, _ in free], planned)
-        self._solids: dict[str, manifold3d.Manifold] = {}
+        self._solids: dict[tuple[str, Upright], manifold3d.Manifold] = {}
         drawn = [
             (product.parts[fit.inner].name, product.parts[fit.outer].name, fit.radius_difference_m)
             for fit in fits
@@ -163,7 +163,8 @@ class FitPlay:
     def loosen(self, part: Part, meshes: Sequence[Pieces]) -> Loosened:
         """Return the pieces of a part with play beside the parts before it."""
         along = np.asarray(self._along.get(part.name, (0.0, 0.0, -1.0)))
-        bottom = np.array(self._upright.bottom(part))
+        own = self._upright.of(part.name)
+        bottom = np.array(own.bottom(part))
         hulls = [[_Hull(points) for points, _ in pieces] for pieces in meshes]
         everything = [hull for mesh in hulls for hull in mesh]
         low = np.min([hull.low for hull in everything], axis=0)
@@ -171,7 +172,7 @@ class FitPlay:
         fits = []
         for other in self._find_near(part, low, high, along, bottom):
             shift = -bottom * _TO_MM
-            solid = self._solid(other).translate(tuple(shift.tolist()))
+            solid = self._solid(other, own).translate(tuple(shift.tolist()))
             gaps_mm = [gap for hull in everything for gap in hull.face(solid, along)]
             if gaps_mm:
                 pair = frozenset((part.name, other))
@@ -191,23 +192,25 @@ class FitPlay:
         )
         return Loosened(pieces, tuple(fits))
 
-    def _solid(self, name: str) -> manifold3d.Manifold:
-        """Return a part upright in the world."""
-        if name not in self._solids:
+    def _solid(self, name: str, upright: Upright) -> manifold3d.Manifold:
+        """Return a part in the world, in a pose of the product."""
+        key = (name, upright)
+        if key not in self._solids:
             part = self._product.parts[self._product.index(name)]
-            self._solids[name] = make_solid(self._upright.vertices(part), part.triangles)
-        return self._solids[name]
+            self._solids[key] = make_solid(upright.vertices(part), part.triangles)
+        return self._solids[key]
 
     def _find_near(
         self, part: Part, low: Floats, high: Floats, along: Floats, bottom: Floats
     ) -> Iterator[str]:
         """Yield the parts before a part whose boxes it passes within the clearance of a fit."""
         sideways = np.abs(along) < 1 - 1e-6
+        own = self._upright.of(part.name)
         for name in self._before.get(part.name, ()):
-            box = np.array(self._solid(name).bounding_box()).reshape(2, 3) - bottom * _TO_MM
+            box = np.array(self._solid(name, own).bounding_box()).reshape(2, 3) - bottom * _TO_MM
             room = _REACH_M * _TO_MM
             apart = (box[0] > high + room) | (low > box[1] + room)
-            if not (apart & sideways).any() and not self._solid(name).is_empty():
+            if not (apart & sideways).any() and not self._solid(name, own).is_empty():
                 yield name
 
 

@@ -23,7 +23,7 @@ from skillplan_cad.product import Part, Points, Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.writing.mesh_grasps import Floats, GraspFinder, JawGrasp
 from skillplan_cad.writing.trial import Failure
-from skillplan_cad.writing.upright import place_upright
+from skillplan_cad.writing.upright import place_turned, place_upright
 
 GRIPPER, TIPS = "gripper", "finger_tips"
 CUP, SMALL_CUP, LARGE_CUP = "suction_cup", "small_suction_cup", "large_suction_cup"
@@ -254,7 +254,8 @@ class PartHolds:
         self._known = known or KnownHolds()
         # Tools that hold a part and that the arm cannot carry with it.
         self._heavy: dict[str, Held] = {}
-        self._up, self._upright = up, place_upright(product, up, (0.0, 0.0))
+        self._upright = place_upright(product, up, (0.0, 0.0))
+        self._bearing = Bearing(up, ())
         self._choices: dict[str, Iterator[Held]] = {}
         self._chosen: dict[str, Held] = {}
         self._failures: dict[str, Failure] = {}
@@ -284,7 +285,8 @@ class PartHolds:
             joins = () if fastener is None else fastener.joins
             places = [order.index(join) for join in joins if join in order]
             order.insert(max(places, default=len(order) - 1) + 1, name)
-        return order
+        ups = self._bearing.ups
+        return sorted(order, key=lambda name: ups.index(self._bearing.get_up(name)))
 
     def choose(self, bearing: Bearing) -> dict[str, LeftOut]:
         """Choose tools for the parts that stand; return those that the arm cannot hold.
@@ -292,6 +294,10 @@ class PartHolds:
         The base is fixed instead, and so is a heavy part on it that others need.
         """
         self._order, self._on = bearing.order, bearing.on
+        if (bearing.up, bearing.turned) != (self._bearing.up, self._bearing.turned):
+            parts = self._product.parts
+            self._upright = place_turned(parts, bearing.ups, bearing.turned, (0.0, 0.0))
+        self._bearing = bearing
         if bearing.order and self._base not in bearing.order:
             grounded = [name for name in bearing.order if not bearing.on[name]]
             self._base = max(grounded, key=lambda name: self._get_part(name).mass_kg)
@@ -313,7 +319,7 @@ class PartHolds:
         loads = {}
         for name, held in self._chosen.items():
             part = self._get_part(name)
-            height_m = float(self._upright.size(part)[2])
+            height_m = float(self._upright.of(name).size(part)[2])
             tips_m = [
                 grasp["at_m"][2] if "approach" in grasp else height_m - grasp.get("depth_m", 0.0)
                 for grasp in held.grasps
@@ -388,7 +394,7 @@ class PartHolds:
                 return {}
             words += f"; at {lighter_kg:.3g} kg it could be held: is it of another material?"
             return {name: LeftOut(name, "too heavy", words)}
-        wide_mm = float(self._upright.size(part)[:2].min()) * 1e3
+        wide_mm = float(self._upright.of(part.name).size(part)[:2].min()) * 1e3
         most_mm = max(equip_hand(self._hand, name)[0].opening_m for name in GRIPPERS) * 1e3
         words = (
             f"is {wide_mm:.0f} mm wide, has no opposite faces that a gripper holds (they open up "
@@ -427,18 +433,19 @@ class PartHolds:
         return is_heavy and name in needed
 
     def _list_holds(self, part: Part) -> Iterator[Held]:
-        bottom = np.array(self._upright.bottom(part))
-        local = self._upright.vertices(part) - bottom
-        centre = self._upright.matrix @ np.asarray(part.centre_m) + self._upright.offset_m - bottom
+        upright = self._upright.of(part.name)
+        bottom = np.array(upright.bottom(part))
+        local = upright.vertices(part) - bottom
+        centre = upright.matrix @ np.asarray(part.centre_m) + upright.offset_m - bottom
         sunk_m = round(max(0.0, self._find_sunk_m(part) - float(bottom[2])), 6)
-        key = (part.name, part.density_kg_m3, self._up, sunk_m)
+        key = (part.name, part.density_kg_m3, self._bearing.get_up(part.name), sunk_m)
         return self._known.iterate(key, lambda: list_holds(part, local, centre, self._hand, sunk_m))
 
     def _find_sunk_m(self, part: Part) -> float:
         """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""
         before = self._order[: self._order.index(part.name)] if part.name in self._order else ()
         heights = [
-            self._upright.point(point)[2]
+            self._upright.of(part.name).point(point)[2]
             for contact in self._relation.contacts
             if part.name in contact.parts and any(other in before for other in contact.parts)
             for point in contact.points_m

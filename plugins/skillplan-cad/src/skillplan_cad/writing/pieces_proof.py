@@ -334,7 +334,7 @@ class _Cutter:
         )
 
     def _find_hollows(self, part: Part) -> list[Hollow]:
-        upright = self._upright
+        upright = self._upright.of(part.name)
         bottom = np.array(upright.bottom(part))
         hollows: list[Hollow] = []
         for face in part.faces:
@@ -381,7 +381,8 @@ def _find_differences(
         pieces = [piece for mesh in pieces_of.get(part.name, ()) for piece in mesh]
         # Screws need free holes, too.
         if part.name in pieces_of or part.name in relation.driven:
-            parts.append(_replace_mesh(part, pieces, upright) if pieces else part)
+            own = upright.of(part.name)
+            parts.append(_replace_mesh(part, pieces, own) if pieces else part)
             numbers.append(number)
     if len(parts) < 2:
         return

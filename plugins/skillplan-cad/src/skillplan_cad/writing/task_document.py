@@ -23,7 +23,7 @@ from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.planning.bearing import Bearing
+from skillplan_cad.planning.bearing import Bearing, list_required
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.planning.stability import is_over
 from skillplan_cad.product import (
@@ -56,7 +56,12 @@ from skillplan_cad.writing.held_part import (
     equip_hand,
 )
 from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
-from skillplan_cad.writing.upright import Upright, place_upright
+from skillplan_cad.writing.upright import (
+    Upright,
+    list_angles_rad,
+    name_orientations,
+    place_turned,
+)
 
 _LONGEST = 64
 # Sizes of nuts that a task has, and how far a thread may be from its size [-].
@@ -270,6 +275,9 @@ def _mask_fitting(
     return fits
 
 
+FLIP = "flip_station"
+# Place of the arm beside the product during a turn [m].
+_STAND_M = 0.25
 # Height within which the feet of a part lie that stands alone [m].
 _LEVEL_FEET_M = 1e-4
 
@@ -305,7 +313,10 @@ def compute_safe_height_m(
 ) -> float:
     """Return the height at which an arm travels above the product and the parts it carries [m]."""
     height = max(float(upright.vertices(part)[:, 2].max()) for part in parts)
-    tallest = max((float(upright.size(part)[2]) for part in carried), default=0.0)
+    if upright.pivot_m is not None:
+        height = upright.size_m[2]
+    sizes_m = [upright.of(part.name).size(part) for part in carried]
+    tallest = max((float(size_m[2]) for size_m in sizes_m), default=0.0)
     return max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
 
 
@@ -443,7 +454,7 @@ def lay_out_parts(
     gripped: Sequence[Part],
     names: Mapping[str, str],
     taken: Collection[str],
-    up: Vector,
+    bearing: Bearing,
     robot: str,
     fixed: Collection[str] = (),
     tools: Collection[str] = (),
@@ -464,8 +475,8 @@ def lay_out_parts(
         Task names by product names.
     taken
         Names that feeders must not use.
-    up
-        Vector that points up, in the product's frame.
+    bearing
+        Orientations of the product.
     fixed
         Parts in place from the start.
     tools
@@ -475,10 +486,17 @@ def lay_out_parts(
     before
         Layout of more parts, in the same orientation.
     """
-    upright = place_upright(gripped, up, (0.0, 0.0))
+    # Screws may hang below the table, but not below a workholder.
+    standing = gripped if len(bearing.ups) == 1 else parts
+
+    def place(place_m: Place) -> Upright:
+        return place_turned(standing, bearing.ups, bearing.turned, place_m)
+
+    upright = place((0.0, 0.0))
     feeders = dict(_feeders([part for part in parts if part.name not in fixed], names, taken))
     for part in gripped:
-        needs_feeder = part.name in presented or not stands_alone(part, upright)
+        own = upright.of(part.name)
+        needs_feeder = part.name in presented or not stands_alone(part, own)
         if part.name not in {*fixed, *feeders} and needs_feeder:
             stem = f"{names[part.name]}_feeder"
             feeders[part.name] = assign_task_names([stem], {*taken, *feeders.values()})[stem]
@@ -486,31 +504,39 @@ def lay_out_parts(
     for part in parts:
         name = feeders.get(part.name, names[part.name])
         if (part in gripped or part.name in feeders) and part.name not in fixed:
-            x, y, z = (float(extent) for extent in upright.size(part))
+            x, y, z = (float(extent) for extent in upright.of(part.name).size(part))
             items.setdefault(name, Item(name, (x, y, z)))
     further = {_HOLDER_OF[tool] for tool in tools}.difference(HOLDERS)
     holders = (*HOLDERS, *sorted(further))
-    if before is not None and _still_stands(gripped, items, holders, before):
+    if before is not None and _still_stands(gripped, upright, items, holders, before):
         kept = {name: before.tray.places[name] for name in items}
         tray = Tray(before.tray.product_m, kept)
         return Places(before.upright, tray, feeders, (), before.holders)
-    points = np.concatenate([upright.vertices(part) for part in parts])
-    x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
+    size_m = upright.size_m
+    if upright.pivot_m is None:
+        points = np.concatenate([upright.vertices(part) for part in parts])
+        x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
+        size_m = (x, y, z)
     reach_m = ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
-    layout = lay_out_table((x, y, z), list(items.values()), reach_m, holders)
+    layout = lay_out_table(size_m, list(items.values()), reach_m, holders)
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
     )
-    upright = place_upright(gripped, up, layout.product_m)
-    return Places(upright, layout, feeders, without, holders)
+    return Places(place(layout.product_m), layout, feeders, without, holders)
 
 
 def _still_stands(
-    gripped: Sequence[Part], items: Iterable[str], holders: Iterable[Place], before: Places
+    gripped: Sequence[Part],
+    upright: Upright,
+    items: Iterable[str],
+    holders: Iterable[Place],
+    before: Places,
 ) -> bool:
     """Return whether parts and tools stand where a layout of more parts has them."""
-    lowest_m = min(float(before.upright.vertices(part)[:, 2].min()) for part in gripped)
     known = before.tray.places.keys() >= {*items} and {*before.holders} >= {*holders}
+    if upright.pivot_m is not None or before.upright.pivot_m is not None:
+        return known and len(upright.poses) == len(before.upright.poses)
+    lowest_m = min(float(before.upright.vertices(part)[:, 2].min()) for part in gripped)
     return known and abs(lowest_m) < _LEVEL_FEET_M
 
 
@@ -845,9 +871,10 @@ class TaskWriter:
     places: Places = field(init=False)
     upright: Upright = field(init=False)
     nest: TaskNest | None = field(init=False, default=None)
+    orientations: Mapping[Upright, str] = field(init=False)
 
     def __post_init__(self) -> None:
-        taken = {*_HOLDER_OF, self.robot, "world", "home"}
+        taken = {*_HOLDER_OF, self.robot, "world", "home", FLIP}
         names = assign_task_names((part.name for part in self.product), taken)
         self.names = {name: own for name, own in names.items() if name not in self.left_out}
         self.kept = tuple(part for part in self.product if part.name in self.names)
@@ -857,7 +884,7 @@ class TaskWriter:
             for part in step.parts:
                 self.steps.setdefault(part, step)
         self.gripped = [part for part in self.kept if not self._get_driven(part)]
-        known, up, fixed = taken | set(self.names.values()), self.bearing.up, self.holds.fixed
+        known, fixed = taken | set(self.names.values()), self.holds.fixed
         tools = {self.holds.held(p.name).tool for p in self.gripped if p.name not in fixed}
         self.drivers = self._choose_drivers()
         tools |= {*self.drivers.values()}
@@ -871,7 +898,7 @@ class TaskWriter:
             self.gripped,
             self.names,
             known,
-            up,
+            self.bearing,
             self.robot,
             fixed,
             tools,
@@ -879,6 +906,7 @@ class TaskWriter:
             self.before,
         )
         self.upright = self.places.upright
+        self.orientations = name_orientations(self.upright)
 
     def name_nest(self) -> str:
         """Return the name of the nest as a fixture."""
@@ -981,6 +1009,7 @@ class TaskWriter:
             "fixtures": self._build_fixtures(),
             "parts": parts,
             "screws": screws,
+            "workholders": self._build_workholders(),
             "holders": self._build_holders(),
             "collision": {"swept": None},
         }
@@ -1010,6 +1039,25 @@ class TaskWriter:
         at_m = [round(float(value), 7) + 0.0 for value in place[:2]]
         meshes = [{"file": files["obj"], "pieces": files["pieces_obj"]}]
         return {self.nest.name: {"meshes": meshes, "at_m": at_m}}
+
+    def _build_workholders(self) -> dict[str, Any]:
+        """Return the station that turns the product, if it turns."""
+        pivot_m, (first, *others) = self.upright.pivot_m, self.orientations.items()
+        if pivot_m is None:
+            return {}
+        turns = {
+            name: {"rpy_rad": list_angles_rad(self.upright.find_turn(pose))}
+            for pose, name in others
+        }
+        home_m = build_robot_entry(self.robot, self.kept, (), self.upright)["home_m"][0]
+        return {
+            FLIP: {
+                "pivot_m": list(pivot_m),
+                "orientations": {first[1]: {}, **turns},
+                "in_order": True,
+                "stand_m": [home_m, -_STAND_M],
+            }
+        }
 
     def _build_holders(self) -> dict[str, Any]:
         """Return a support for each part that is held."""
@@ -1051,10 +1099,11 @@ class TaskWriter:
 
     def _build_part(self, part: Part, files: dict[str, str]) -> dict[str, Any]:
         """Return the entry of a part, and add its meshes to the files."""
-        name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
+        name, own = self.names[part.name], self.upright.of(part.name)
+        bottom = np.array(own.bottom(part))
         meshes = self.shared.of_part.get(part.name)
         if meshes is None:
-            meshes = (self._prepare_mesh(part, self.upright.vertices(part) - bottom),)
+            meshes = (self._prepare_mesh(part, own.vertices(part) - bottom),)
             self.shared.of_part[part.name] = meshes
         if len(meshes[0][1]) < len(part.triangles):
             words = "is written with {:,} of its {:,} triangles, at most {:g} mm off"
@@ -1070,6 +1119,10 @@ class TaskWriter:
         elif not fixed:
             entry["start_m"] = list(self.places.tray.places[name])
         entry["goal_m"] = [float(value) for value in bottom]
+        if own is not self.upright:
+            x, y, z = own.unpoint(bottom).tolist()
+            entry["goal_m"] = list(self.upright.point((x, y, z)))
+            entry["goal_rpy_rad"] = list_angles_rad(self.upright.find_turn(own).T)
         on = [
             self.names[bearer]
             for bearer in self.bearing.on.get(part.name, ())
@@ -1079,9 +1132,12 @@ class TaskWriter:
             on.insert(0, self.nest.name)
         if on:
             entry["goal_on"] = on
+        entry |= self._name_orientation(part)
         ways = self.list_directions(part)
-        if ways != [[0.0, 0.0, -1.0]] and not fixed:
-            entry["insert_along"] = ways
+        back = self.upright.find_turn(own).T
+        along = [[float(value) + 0.0 for value in np.round(back @ way, 7)] for way in ways]
+        if along != [[0.0, 0.0, -1.0]] and not fixed:
+            entry["insert_along"] = along
             stroke_m = self._find_stroke_m(part, ways)
             if stroke_m is not None:
                 entry["insert_m"] = stroke_m
@@ -1095,10 +1151,11 @@ class TaskWriter:
         if any(abs(way[2]) > _LEVEL for way in ways) or part.name not in self.bearing.order:
             return None
         before = self.bearing.order[: self.bearing.order.index(part.name)]
-        own = self.upright.vertices(part)
+        upright = self.upright.of(part.name)
+        own = upright.vertices(part)
         above_m, beside_m = 0.0, _LEAST_STROKE_M
         for other in self.gripped:
-            there = self.upright.vertices(other)
+            there = upright.vertices(other)
             if other.name == part.name or there[:, 2].max() < own[:, 2].min() + _TOUCH_M:
                 continue
             is_beside = there[:, 2].min() < own[:, 2].max() - _TOUCH_M
@@ -1144,7 +1201,7 @@ class TaskWriter:
 
     def list_directions(self, part: Part) -> list[list[float]]:
         """Return up to three directions for bringing a part, down or that of the plan first."""
-        order = self.bearing.order
+        order, upright = self.bearing.order, self.upright.of(part.name)
         before = order[: order.index(part.name)] if part.name in order else ()
         kept = encode_set([self.relation.index(name) for name in self.names])
         free = list_free_directions(self.relation, self.upright, part.name, before)
@@ -1158,7 +1215,7 @@ class TaskWriter:
         ]
         ways = [min(vectors[blockers], key=_get_height) for blockers in fewest]
         step = self.steps.get(part.name)
-        planned = self.upright.vector(step.along) if step is not None and not step.path else DOWN
+        planned = upright.vector(step.along) if step is not None and not step.path else DOWN
         first = choose_direction([vector for vector, _ in free], planned)
         if np.allclose(first, DOWN, atol=1e-6):
             # Friction draws a part out of the jaws on a level move along its support.
@@ -1181,8 +1238,20 @@ class TaskWriter:
         entry = build_screw_entry(part, fastener, self.relation, self.upright)
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
-        keys = {"through": through, **entry, **fed, **self._drive_nut(part)}
+        turned: dict[str, Any] = self._name_orientation(part)
+        if turned:
+            up = self.bearing.get_up(part.name)
+            joined = [self.names[name] for name in list_required(self.relation, part.name, up)]
+            into = [name for name in joined if name != through]
+            turned |= {"into": into} if into else {}
+        keys = {"through": through, **entry, **fed, **turned, **self._drive_nut(part)}
         return {"tool": self.drivers[part.name], **keys}
+
+    def _name_orientation(self, part: Part) -> dict[str, Any]:
+        """Return the key of the orientation in which a part goes in, if the product turns."""
+        if len(self.orientations) == 1 or part.name in self.holds.fixed:
+            return {}
+        return {"orientation": self.orientations[self.upright.of(part.name)]}
 
     def _choose_drivers(self) -> dict[str, str]:
         """Return the screwdriver or socket of each screw and nut, as long as it needs."""

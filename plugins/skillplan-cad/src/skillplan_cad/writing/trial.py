@@ -23,6 +23,8 @@ from skillplan_cad.planning.watch import Watch
 from skillplan_cad.writing.whole_order import Conflict, find_order
 
 SWEPT = "swept"
+# Kinds of skills that bring a part or drive a screw, in order.
+_KINDS = ("pick", "place", "fasten")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +106,8 @@ class TaskTrials:
         self._folder.cleanup()
 
     def forget(self, *names: str) -> None:
-        """Try parts and screws again."""
-        self.granted.difference_update(names)
+        """Try parts and screws again; all if none is named."""
+        self.granted -= {*names} or self.granted.copy()
 
     def try_task(
         self, document: Mapping[str, Any], files: Mapping[str, str], order: Sequence[str]
@@ -242,8 +244,8 @@ class TaskTrials:
             if self._watch.must_stop():
                 return
             self._watch.report(f"writing: trying {name}, {number + 1} of {len(order)} parts")
-            turn = _list_facts(task, config, order[:number], name)
-            failure = _try_one(feasibility, skills, turn, name)
+            there = _list_facts(task, config, order[:number], name)
+            failure = _try_one(feasibility, skills, there, name)
             if failure is not None:
                 alone = _list_facts(task, config, _list_supports(config, name), name)
                 failure = _try_one(feasibility, skills, alone, name)
@@ -337,8 +339,20 @@ def _list_facts(task: Task, config: AssemblyConfig, before: Sequence[str], name:
         placed = entry.fixed or part in before
         facts.add(f"placed({part})" if placed else f"at_start({part})")
     facts |= {f"fastened({screw})" for screw in config.screws if screw in before}
-    facts |= {fact for fact in task.initial if fact.startswith("holds(")}
+    facts |= {fact for fact in task.initial if fact.startswith(("holds(", "turned("))}
+    turned = find_turned(config, owner.orientation)
+    if turned is not None:
+        others = {fact for fact in facts if fact.startswith(f"{turned.partition('.')[0]}.")}
+        facts = facts - others | {turned}
     return facts & set(task.facts.names)
+
+
+def find_turned(config: AssemblyConfig, orientation: str | None) -> str | None:
+    """Return the fact of an orientation; None without one."""
+    for name, workholder in config.workholders.items():
+        if orientation in workholder.orientations:
+            return f"turned({name}.{orientation})"
+    return None
 
 
 def _try_one(
@@ -346,15 +360,17 @@ def _try_one(
 ) -> Failure | None:
     """Return why the arm cannot bring a part or drive a screw, or None."""
     state: State = feasibility.task.facts.of(*facts)
-    kinds: tuple[str, ...] = ("fasten",) if f"fasten({name})" in skills else ("pick", "place")
-    if "pick" in kinds and skills[f"pick({name})"].applicable(state):
+    labels = [f".{fact.rpartition('.')[2][:-1]}" for fact in facts if fact.startswith("turned(")]
+    names = [f"{kind}({name}{label})" for kind in _KINDS for label in ("", *labels)]
+    chain = [skills[skill_name] for skill_name in names if skill_name in skills]
+    if chain[0].kind == "pick" and chain[0].applicable(state):
         # Without paths of the arm for each grasp, which take a hundred times as long.
-        place, held = skills[f"place({name})"], skills[f"pick({name})"].prediction.apply(state)
+        place, held = chain[1], chain[0].prediction.apply(state)
         refusal = feasibility.refuse_early(place, held) if place.applicable(held) else None
         if refusal is not None:
             return Failure(f"place: {refusal.reason}", is_far=False)
-    for kind in kinds:
-        skill = skills[f"{kind}({name})"]
+    for skill in chain:
+        kind = skill.kind
         if not skill.applicable(state):
             # A part on another at the start comes later.
             return None

@@ -141,12 +141,20 @@ class _OrderSearch:
         return Order(tuple(order), self._list_skills(order), conflicts, tuple(without))
 
     def _list_required(self, name: str) -> Iterable[str]:
-        """Yield the parts whose goals the skills of a part require."""
-        for skill in self._chains[name]:
-            for fact in skill.precondition.requires:
-                owner = self._hypothetical.owner(fact)
-                if owner not in (None, name) and fact == self._task.operations.get(str(owner)):
-                    yield str(owner)
+        """Yield the parts whose goals the skills of a part, or turns before them, require."""
+        waiting = [fact for skill in self._chains[name] for fact in skill.precondition.requires]
+        seen: set[str] = set()
+        while waiting:
+            fact = waiting.pop()
+            if fact in seen:
+                continue
+            seen.add(fact)
+            owner = self._hypothetical.owner(fact)
+            if owner not in (None, name) and fact == self._task.operations.get(str(owner)):
+                yield str(owner)
+            for turn in self._task.skills if owner is None else ():
+                if turn.kind == "turn" and fact in turn.prediction.add:
+                    waiting += turn.precondition.requires
 
     def _place_all(self) -> tuple[list[str], dict[str, Verdict]]:
         """Return the parts that can be placed one after another, and why the rest cannot."""
@@ -271,8 +279,19 @@ class _OrderSearch:
 
     def _list_skills(self, order: Iterable[str]) -> tuple[Skill, ...]:
         """Return the skills that bring the parts in an order, changes of tools included."""
-        state, skills = self._task.initial, []
+        state, skills = self._task.initial, list[Skill]()
+        turned = {
+            fact
+            for skill in self._task.skills
+            if skill.kind == "turn"
+            for fact in skill.prediction.add
+        } - self._hypothetical.stands
         for name in order:
+            # A turn needs a free hand, so it comes before the pick.
+            needed = {fact for skill in self._chains[name] for fact in skill.precondition.requires}
+            for fact in sorted(turned & needed):
+                state, more = self._hypothetical.reach(state, fact)
+                skills += more
             state, more = self._hypothetical.bring(state, name)
             skills += more
         return tuple(skills)

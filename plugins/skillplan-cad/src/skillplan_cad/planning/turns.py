@@ -1,0 +1,198 @@
+"""Turn the product for parts and screws that do not come from above in its first orientation.
+
+A workholder carries the product by its base. What is in before a turn has to keep its place in it:
+a screw joins it to the base or to a held part, or else a support of its own holds it. In the next
+orientation all of that stands firm, and further parts come from above again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from functools import partial
+
+import numpy as np
+
+from skillplan_cad.planning.bearing import (
+    ATTITUDES,
+    Bearing,
+    find_bearing,
+    hold_mates,
+    list_required,
+)
+from skillplan_cad.planning.equilibrium import Equilibrium
+from skillplan_cad.planning.precedence import encode_set
+from skillplan_cad.product import Product, Vector
+from skillplan_cad.relation import Relation
+
+# Cosine of two directions that are one.
+_ALONG = 0.999
+# Largest number of turns, and of held parts that are tried after a turn.
+_MOST_TURNS, _MOST_TRIED = 3, 8
+
+
+def add_turns(
+    product: Product,
+    relation: Relation,
+    bearing: Bearing,
+    absent: Collection[str] = (),
+    base: str | None = None,
+) -> Bearing:
+    """Return a bearing in which the product is turned as long as that brings in further parts.
+
+    Each turn is the one that brings in most of the parts that are left. The bearing stays as it is
+    if no turn helps.
+
+    Parameters
+    ----------
+    absent
+        Names of parts that are not there.
+    base
+        Part that the workholder holds, if it is placed; default: the heaviest.
+    """
+    forces = Equilibrium(product, relation)
+    base = _choose_base(product, bearing, base)
+    best = _add_turns(product, relation, bearing, absent, base, forces)
+    if len(best.ups) == 1:
+        return bearing
+    later: set[str] = set()
+    for name in _list_spared(relation, best, base)[:_MOST_TRIED]:
+        gone = {*absent, *later, name}
+        start = find_bearing(product, relation, bearing.up, gone, forces, holding=True)
+        other = _add_turns(product, relation, start, absent, base, forces)
+        if len(other.held) < len(best.held) and _is_as_whole(relation, other, best, absent):
+            best = other
+            later.add(name)
+    return best
+
+
+def _list_spared(relation: Relation, bearing: Bearing, base: str | None) -> list[str]:
+    """Return the held parts that might stand without a support if they go in after a turn."""
+    mates = relation.driven - hold_mates(relation, *bearing.ups).driven
+    return [n for n in bearing.held if n not in mates and n != base and n not in bearing.turned]
+
+
+def _is_as_whole(
+    relation: Relation, bearing: Bearing, other: Bearing, absent: Collection[str]
+) -> bool:
+    """Return whether a bearing brings in all parts and screws of another one."""
+    mine, theirs = (
+        {*item.order, *list_driven(relation, item, absent)} for item in (bearing, other)
+    )
+    return mine >= theirs
+
+
+def _add_turns(
+    product: Product,
+    relation: Relation,
+    bearing: Bearing,
+    absent: Collection[str],
+    base: str | None,
+    forces: Equilibrium,
+) -> Bearing:
+    count = len([part for part in product if part.name not in absent])
+    while len(bearing.ups) <= _MOST_TURNS:
+        if len({*bearing.order, *list_driven(relation, bearing, absent)}) == count:
+            break
+        held = _hold_loose(product, relation, bearing, absent, base)
+        bearings = [
+            further
+            for up in ATTITUDES.values()
+            if up not in bearing.ups
+            and (further := _turn(product, relation, bearing, held, up, absent, forces)) is not None
+        ]
+        if not bearings:
+            break
+        bearing = max(bearings, key=partial(_rank, relation))
+    return bearing
+
+
+def _rank(relation: Relation, bearing: Bearing) -> tuple[int, int, int]:
+    """Return numbers of which more are better: parts, parts from straight above, no supports."""
+    placed = encode_set(
+        [relation.index(name) for name in bearing.order if name not in bearing.turned]
+    )
+    straight = 0
+    for name, up in bearing.turned.items():
+        fastener = relation.fastener(name)
+        ways = [
+            relation.directions[direction]
+            for direction, blockers in relation.blocker_sets[relation.index(name)]
+            if not blockers & placed
+        ]
+        if name in relation.driven and fastener is not None:
+            ways = [fastener.axis]
+        straight += any(float(np.dot(way, up)) > _ALONG for way in ways)
+    return len(bearing.turned), straight, -len(bearing.held)
+
+
+def list_driven(relation: Relation, bearing: Bearing, absent: Collection[str] = ()) -> set[str]:
+    """Return the screws and nuts that are driven in the orientations of a bearing."""
+    return set(hold_mates(relation, *bearing.ups).driven - {*absent, *bearing.undriven})
+
+
+def _turn(
+    product: Product,
+    relation: Relation,
+    bearing: Bearing,
+    held: tuple[str, ...],
+    up: Vector,
+    absent: Collection[str],
+    forces: Equilibrium,
+) -> Bearing | None:
+    """Return a bearing with a further turn, or None if it brings in nothing."""
+    placed = {*bearing.order, *list_driven(relation, bearing, absent)}
+    if not held or not placed:
+        return None
+    more = find_bearing(
+        product, relation, up, absent, forces, holding=True, firm=placed, earlier=bearing.ups
+    )
+    driven = hold_mates(relation, *bearing.ups, up).driven - {*absent, *more.undriven, *placed}
+    turned = dict.fromkeys((*more.order, *sorted(driven, key=relation.index)), up)
+    if not turned:
+        return None
+    return Bearing(
+        bearing.up,
+        (*bearing.order, *more.order),
+        {**bearing.on, **more.on},
+        {name: why for name, why in bearing.why_not.items() if name not in turned},
+        {name: why for name, why in bearing.undriven.items() if name not in turned},
+        (*held, *more.held),
+        {**bearing.turned, **turned},
+    )
+
+
+def _choose_base(product: Product, bearing: Bearing, base: str | None) -> str | None:
+    """Return a part if it is placed, or else the heaviest that is."""
+    masses = {part.name: part.mass_kg for part in product if part.name in bearing.order}
+    return base if base in masses else max(masses, key=masses.__getitem__, default=None)
+
+
+def _hold_loose(
+    product: Product,
+    relation: Relation,
+    bearing: Bearing,
+    absent: Collection[str],
+    base: str | None,
+) -> tuple[str, ...]:
+    """Return the parts that are held in a turn: the base, and one of each group beyond it.
+
+    Screws join the parts of a group.
+    """
+    masses = {part.name: part.mass_kg for part in product}
+    held = {*bearing.held, *(name for name in masses if name == base)}
+    joins = [
+        {name for name in list_required(relation, screw, bearing.get_up(screw)) if name in masses}
+        for screw in sorted(list_driven(relation, bearing, absent), key=relation.index)
+    ]
+    for name in sorted(bearing.order, key=lambda name: -masses[name]):
+        if name not in _close(held, joins):
+            held.add(name)
+    return tuple(name for name in bearing.order if name in held)
+
+
+def _close(names: set[str], joins: Sequence[set[str]]) -> set[str]:
+    """Return some parts, and the ones that screws join to them directly or over others."""
+    closed = set(names)
+    while more := {name for pair in joins if closed & pair for name in pair} - closed:
+        closed |= more
+    return closed
