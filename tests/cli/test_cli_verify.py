@@ -359,7 +359,7 @@ class TestWrongInput:
             ("verify",),
             slow_case(("simulate", "--physics", "mujoco"), reason="executes a plan"),
             ("export", "--to", "pddl", "--out", "OUT"),
-            ("advise", "--tries", "1"),
+            slow_case(("advise", "--tries", "1"), reason="solves changed tasks"),
             slow_case(("plot", "gantt", "--out", "OUT.png"), reason="draws"),
             slow_case(("report", "--no-simulation", "--out", "OUT.html"), reason="draws a page"),
         ],

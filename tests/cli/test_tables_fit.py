@@ -33,7 +33,7 @@ COMMANDS: dict[str, tuple[int, tuple[str, ...]]] = {
     "search-optimal of a fleet": (0, ("search-optimal", FLEET)),
     "evaluate": (0, ("evaluate", BOARD, "--sequence", SWITCHED)),
     "evaluate what fails": (1, ("evaluate", BOARD, "--sequence", "0,1,2,5")),
-    "compare solvers": (0, ("compare", BOARD, "--solvers", "exact,auto,portfolio")),
+    "compare solvers": (0, ("compare", BOARD, "--solvers", "exact,csp")),
     "compare solvers of the bench": (0, ("compare", OPEN_CURVE, "--solvers", "exact,csp")),
     "compare detectors": (0, ("compare", BOARD, "--detectors", "aabb,precedence", "--staged", "8")),
     "check": (0, ("check", BOARD)),

@@ -61,7 +61,7 @@ def slippery(solved, tmp_path_factory):
 def sop(solved, tmp_path_factory):
     """An instance of the sequential ordering problem."""
     folder = tmp_path_factory.mktemp("sop") / "run"
-    return Path(solved(folder, str(ROOT / "configs/ESC12.sop")))
+    return Path(solved(folder, str(ROOT / "configs/ESC12.sop"), "--solver", "exact"))
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from .boxes import contact_area as contact_area
 from .boxes import sweep_hits as sweep_hits
 from .boxes import world_box as world_box
 from .boxes import world_boxes as world_boxes
-from .contact_forces import stays_balanced as stays_balanced
 from .decomposition import NoPieces as NoPieces
 from .decomposition import decompose as decompose
 from .detector import Detector as Detector
@@ -65,7 +64,6 @@ __all__ = [
     "measure_depths",
     "measure_outermost",
     "measure_union",
-    "stays_balanced",
     "sweep_hits",
     "weigh",
     "world_box",

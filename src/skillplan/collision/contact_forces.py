@@ -1,9 +1,6 @@
-"""Contacts, and whether their pushes and friction keep a body in place, by linear programs.
+"""Contacts between surfaces: a few points with the directions of their pushes, and least help.
 
-A released body stays if forces at its contacts balance its weight, and a small sideways push in any
-direction (Mason: Mechanics of Robotic Manipulation, chapter 5). Forces push only. Faces that bear
-weight have friction. Upright walls have none: whether a clamped wall carries anything depends on a
-preload that geometry does not state, so a pin that nothing bears falls through its hole.
+`skillplan.collision.standing` decides with them whether bodies stand.
 """
 
 from __future__ import annotations
@@ -30,8 +27,6 @@ BEARS = 0.1
 _FAR = 1e6
 _PER_FORCE = 1e-9
 _SETTLED = highspy.HighsModelStatus.kOptimal
-_PUSH = 0.02  # sideways push, as a share of the weight
-_HELP = 2e-3  # share of the weight that the program may miss
 _MOST_POINTS = 12
 # Points on each edge at which two surfaces may touch.
 _PER_EDGE = 3
@@ -91,47 +86,6 @@ def minimize_help(columns: Sequence[Column], loads: Array, scale: Array) -> Arra
         return None
     help_values = np.array(highs.getSolution().col_value[forces:])
     return np.asarray(help_values.reshape(2, rows).sum(axis=0))
-
-
-def stays_balanced(offsets_m: Array, normals: Array, up: Vector, reach_m: float) -> bool:
-    """Return whether contact forces balance the weight of a body and small sideways pushes.
-
-    Parameters
-    ----------
-    offsets_m
-        Contact points from the centre of mass, shape (points, 3) [m].
-    normals
-        Unit vectors along which the contacts push the body, shape (points, 3).
-    reach_m
-        Largest extent of the body, > 0 [m].
-    """
-    upwards = np.asarray(up)
-    if not len(normals) or not (normals @ upwards > BEARS).any():
-        return False
-    across = find_axes_across(up)
-    columns = [
-        list(enumerate(force)) for force in _span_forces(offsets_m, normals, upwards).tolist()
-    ]
-    scale = np.array([1.0] * 3 + [reach_m] * 3)
-    for push in (across[0], -across[0], across[1], -across[1]):
-        loads = np.concatenate([upwards + _PUSH * push, np.zeros(3)])
-        help_values = minimize_help(columns, loads, scale)
-        if help_values is None or float(help_values.sum()) > _HELP:
-            return False
-    return True
-
-
-def _span_forces(offsets_m: Array, normals: Array, up: Array) -> Array:
-    """Return forces and torques that span those of the contacts, shape (forces, 6)."""
-    bears = normals @ up > BEARS
-    forces, points = [normals[~bears]], [offsets_m[~bears]]
-    for normal, offset in zip(normals[bears], offsets_m[bears], strict=True):
-        across = find_axes_across((float(normal[0]), float(normal[1]), float(normal[2])))
-        sides = FRICTION * np.concatenate([across, -across])
-        forces.append(normal + sides)
-        points.append(np.tile(offset, (4, 1)))
-    force, point = np.concatenate(forces), np.concatenate(points)
-    return np.hstack([force, np.cross(point, force)])
 
 
 def select_spread(points_m: Array, normals: Array, most: int = _MOST_POINTS) -> list[int]:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.collision.contact_forces import BEARS, collect_pushes, stays_balanced
+from skillplan.collision.contact_forces import BEARS, collect_pushes
+from skillplan.collision.standing import Touch, Weight, decide_standing
 from skillplan.task.motion import Point
 from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, SurfacePiece, may_touch
 
@@ -21,7 +22,6 @@ _LEAST_AREA_M2 = 1e-10
 _ROUNDING_M = 1e-9
 # Maximum slope of a level face [-].
 _LEVEL = 1e-3
-_UP = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +101,9 @@ class Supports:
         if not pushes:
             return False
         points, normals = (np.array(column) for column in zip(*pushes, strict=True))
-        centre = np.array([*self.centre, self.height_m])
-        return stays_balanced(points - centre, normals, _UP, self.reach_m)
+        weight = Weight(1.0, (*self.centre, self.height_m), self.reach_m)
+        touch = Touch(self.body, "", points, normals)
+        return decide_standing({self.body: weight}, [touch]).stands
 
 
 def find_supports(
