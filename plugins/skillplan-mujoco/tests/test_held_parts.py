@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
+from simulated import ACROSS, Swing
 from situations import assembly
 from skillplan.task import Task
 from skillplan_mujoco import MujocoSimulator
@@ -24,8 +24,6 @@ from skillplan_simulation import (
 )
 
 SETTINGS = ExecutionSettings()
-# How a part is turned in the hand: its x is along the closing axis.
-ACROSS = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def task_with(shape: dict[str, object], mass_kg: float, **gripper: object) -> Task:
@@ -41,26 +39,6 @@ def task_with(shape: dict[str, object], mass_kg: float, **gripper: object) -> Ta
             "parts": {"part": {**part, **shape}},
         }
     )
-
-
-@dataclass(frozen=True)
-class Swing:
-    """A run of an arm's last three joints to and fro, of which nothing is left."""
-
-    begin_rad: Vector
-    amplitude_rad: float
-    duration_s: float
-
-    def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
-        rate = 2 * np.pi / self.duration_s
-        wrist = np.zeros(len(self.begin_rad))
-        wrist[-3:] = self.amplitude_rad / 2
-        cosine, sine = np.cos(rate * time_s), np.sin(rate * time_s)
-        return (
-            self.begin_rad + wrist * (1 - cosine),
-            wrist * rate * sine,
-            wrist * rate**2 * cosine,
-        )
 
 
 class Held:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
+from simulated import ACROSS, Swing
 from situations import assembly
 from skillplan import Setup
 from skillplan.task import Body, Box, Cylinder, Scene
@@ -27,8 +27,6 @@ from thinned import slow_case
 SETTINGS = SimulationSettings()
 ROD = Cylinder(0.02, 0.08, (0.0, 0.0, 0.04))
 BLOCK = Box((0.02, 0.02, 0.08), (0.0, 0.0, 0.04))
-# How a part is turned in the hand: its x is along the closing axis.
-ACROSS = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 PADS = Pads((5.0, 10.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.01)
 
 
@@ -59,26 +57,6 @@ class TestLimits:
     def test_what_no_jaw_presses_on_is_not_held(self):
         slack = Pads((0.0, 5.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.01)
         assert share([0.0, 0.0, 0.1], [0.0, 0.0, 0.0], slack) > 1.0
-
-
-@dataclass(frozen=True)
-class Swing:
-    """A run of an arm's last three joints to and fro, of which nothing is left."""
-
-    begin_rad: Vector
-    amplitude_rad: float
-    duration_s: float
-
-    def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
-        rate = 2 * np.pi / self.duration_s
-        wrist = np.zeros(len(self.begin_rad))
-        wrist[-3:] = self.amplitude_rad / 2
-        cosine, sine = np.cos(rate * time_s), np.sin(rate * time_s)
-        return (
-            self.begin_rad + wrist * (1 - cosine),
-            wrist * rate * sine,
-            wrist * rate**2 * cosine,
-        )
 
 
 @pytest.fixture(scope="module")
