@@ -375,6 +375,17 @@ def test_a_screw_next_to_a_wall_gets_a_bit_that_reaches_past_it():
     assert task.document["tools"]["long_screwdriver"]["bit_length_m"] == pytest.approx(0.1)
 
 
+@pytest.mark.slow
+def test_a_countersunk_screw_is_seated_at_its_rim():
+    shank = rod(30, 20, 5, 2.5, 23) + manifold3d.Manifold.cylinder(2, 2.5, 4.5, 48).translate(
+        [30, 20, 28]
+    )
+    lid = box(5, 5, 20, 55, 35, 30) - shank
+    task = assembled(("block", box(0, 0, 0, 60, 40, 20) - shank), ("lid", lid), ("M5 screw", shank))
+    assert task.left_out == {}
+    assert task.document["screws"]["M5_screw"]["hole_m"][2] == pytest.approx(0.030, abs=2e-4)
+
+
 def test_a_base_beyond_the_payload_stands_in_place_and_another_part_is_left_out():
     """9.5 kg, of which a panda carries 2.27 kg in its hand."""
     block = ("block", box(0, 0, 0, 70, 200, 86))

@@ -29,7 +29,12 @@ from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.product_reader import fits_pattern, read_finer
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
-from skillplan_cad.writing.arm_choice import AUTO_ARM, choose_arm, find_longer_arm
+from skillplan_cad.writing.arm_choice import (
+    AUTO_ARM,
+    choose_arm,
+    find_longer_arm,
+    list_screws_towards_arm,
+)
 from skillplan_cad.writing.build_task import build_task
 from skillplan_cad.writing.fit_play import PLAY_M
 from skillplan_cad.writing.grouped_task import build_grouped_task
@@ -457,6 +462,8 @@ def _write_task(
         loads = holds.list_loads()
         arm = choose_arm(placed, bearing.up, loads) if placed else DEFAULT_ARM
         longer = find_longer_arm(arm, loads.values())
+        if longer is not None and list_screws_towards_arm(relation, bearing):
+            arm, longer = longer, arm
         if arm != DEFAULT_ARM:
             lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
     ups = ATTITUDES.values() if settings.up == AUTO else ()

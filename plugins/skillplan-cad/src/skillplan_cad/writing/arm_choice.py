@@ -9,6 +9,7 @@ import numpy as np
 from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.product import Part, Vector
+from skillplan_cad.relation import Relation
 from skillplan_cad.writing.held_part import LONG_ARM, Load, get_payload_kg
 from skillplan_cad.writing.task_document import (
     Places,
@@ -16,9 +17,11 @@ from skillplan_cad.writing.task_document import (
     compute_safe_height_m,
     lay_out_parts,
 )
-from skillplan_cad.writing.upright import place_upright
+from skillplan_cad.writing.upright import compute_rotation_to_z, place_upright
 
 AUTO_ARM = "auto"
+# Cosine of the axis of a screw and the direction away from the arm.
+_TOWARDS = 0.7
 
 
 def choose_arm(parts: Sequence[Part], up: Vector, loads: Mapping[str, Load] | None = None) -> str:
@@ -68,6 +71,20 @@ def find_longer_arm(arm: str, loads: Iterable[Load]) -> str | None:
         if is_longer and get_payload_kg(other) >= least_kg:
             return other
     return None
+
+
+def list_screws_towards_arm(relation: Relation, bearing: Bearing) -> list[str]:
+    """Return the screws that go in towards the arm, which has to reach over the product for them.
+
+    The default arm cannot, a longer one can.
+    """
+    to_z = compute_rotation_to_z(bearing.up)
+    return [
+        fastener.part
+        for fastener in relation.fasteners
+        if fastener.part in relation.driven - bearing.undriven.keys()
+        and float(to_z[0] @ np.asarray(fastener.axis)) > _TOWARDS
+    ]
 
 
 def _is_in_reach(part: Part, tip_m: float, parts: Sequence[Part], places: Places, arm: str) -> bool:

@@ -103,9 +103,10 @@ Place = tuple[float, float]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# Clearance between part boxes: for fingers, and for the hand next to tall parts.
+# Clearance between part boxes: for fingers, for the hand next to tall parts, and for a level hand.
 _APART_M = 0.04
 _BESIDE_TALL_M = 0.13
+_BESIDE_RAISED_M = 0.25
 _TALL_M = 0.035
 _BESIDE_PRODUCT_M = 0.14
 _GRID_M = 0.02
@@ -137,10 +138,13 @@ class Item:
     ----------
     size_m
         Extents x y z of the bounding box [m].
+    is_raised
+        True if a feeder presents it to a level hand.
     """
 
     name: str
     size_m: tuple[float, float, float]
+    is_raised: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +219,7 @@ def lay_out_table(
     for item in order:
         size = (item.size_m[0] / 2, item.size_m[1] / 2)
         room = _BESIDE_TALL_M if item.size_m[2] > _TALL_M else _APART_M
+        room = _BESIDE_RAISED_M if item.is_raised else room
         spot = known.get(item.name)
         if spot is None:
             free = np.flatnonzero(_mask_fitting(spots, size, room, taken, nearest, farthest))
@@ -440,6 +445,8 @@ class Places:
         Product names of parts that do not fit within reach.
     holders
         Places of tools, which stay free.
+    raised
+        Feeders that present parts to a level hand.
     """
 
     upright: Upright
@@ -447,6 +454,7 @@ class Places:
     feeders: Mapping[str, str]
     without: tuple[str, ...]
     holders: tuple[Place, ...]
+    raised: frozenset[str]
 
 
 def lay_out_parts(
@@ -505,13 +513,16 @@ def lay_out_parts(
         name = feeders.get(part.name, names[part.name])
         if (part in gripped or part.name in feeders) and part.name not in fixed:
             x, y, z = (float(extent) for extent in upright.of(part.name).size(part))
-            items.setdefault(name, Item(name, (x, y, z)))
+            item = items.get(name, Item(name, (x, y, z)))
+            items[name] = replace(item, is_raised=item.is_raised or part.name in presented)
     further = {_HOLDER_OF[tool] for tool in tools}.difference(HOLDERS)
     holders = (*HOLDERS, *sorted(further))
-    if before is not None and _still_stands(gripped, upright, items, holders, before):
-        kept = {name: before.tray.places[name] for name in items}
-        tray = Tray(before.tray.product_m, kept)
-        return Places(before.upright, tray, feeders, (), before.holders)
+    raised = frozenset(name for name, item in items.items() if item.is_raised)
+    known = before if before is not None and before.raised >= raised else None
+    if known is not None and _still_stands(gripped, upright, items, holders, known):
+        kept = {name: known.tray.places[name] for name in items}
+        tray = Tray(known.tray.product_m, kept)
+        return Places(known.upright, tray, feeders, (), known.holders, raised)
     size_m = upright.size_m
     if upright.pivot_m is None:
         points = np.concatenate([upright.vertices(part) for part in parts])
@@ -522,7 +533,7 @@ def lay_out_parts(
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
     )
-    return Places(place(layout.product_m), layout, feeders, without, holders)
+    return Places(place(layout.product_m), layout, feeders, without, holders, raised)
 
 
 def _still_stands(
@@ -613,6 +624,8 @@ def list_plan_limits(
 
 
 _FLAT = 0.999
+# Share of a head's radius at its rim, and least height of a head that is flush [m].
+_RIM, _LEAST_HEAD_M = 0.97, 1e-4
 
 
 def build_screw_entry(
@@ -714,10 +727,11 @@ def list_undriven_nuts(
 def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
     """Return the position of a fastener's head contact along its axis [m].
 
-    A nut consists of head only.
+    A nut consists of head only. A countersunk head is seated at its rim.
     """
     axis = np.asarray(fastener.axis)
-    lowest = float((part.vertices_m @ axis).min())
+    along = part.vertices_m @ axis
+    lowest = float(along.min())
     if fastener.kind == "nut":
         return lowest
     beneath_head = lowest + fastener.length_m
@@ -726,9 +740,12 @@ def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
             continue
         if any(abs(float(np.dot(normal, axis))) > _FLAT for normal in contact.normals):
             # The points of the shank in its hole belong to the same contact.
-            along = np.asarray(contact.points_m) @ axis
-            return float(along[np.abs(along - beneath_head).argmin()])
-    return beneath_head
+            touched = np.asarray(contact.points_m) @ axis
+            return float(touched[np.abs(touched - beneath_head).argmin()])
+    apart = part.vertices_m - np.asarray(fastener.point_m)
+    radii = np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1)
+    rim = float(along[radii > _RIM * radii.max()].min())
+    return max(beneath_head, min(rim, float(along.max()) - _LEAST_HEAD_M))
 
 
 _MOST_DIRECTIONS = 3
