@@ -174,6 +174,15 @@ def test_check_names_what_is_wrong_with_a_hole(screw, words):
     assert words in fault
 
 
+def test_a_level_screw_follows_its_axis_over_a_given_stretch():
+    level = {"axis": [1.0, 0.0, 0.0], "hole_m": [0.5, 0.0, 0.01], "insert_m": 0.08}
+    config = AssemblyConfig.model_validate(content_of(**level))
+    (task,) = AssemblyDomain().ground(config, "")
+    assert task.skill("fasten(bolt)").motion.routes[0].visits[-1].insert_m == 0.08
+    with pytest.raises(ValidationError, match="comes along its axis anyway"):
+        AssemblyConfig.model_validate(content_of(insert_m=0.08))
+
+
 def test_a_feeder_is_as_high_as_the_shank_is_long():
     content = content_of()
     content["feeders"]["rack"]["height_m"] = 0.0

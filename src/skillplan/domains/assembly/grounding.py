@@ -695,7 +695,9 @@ class _Grounding:
         driving = find_driving(chosen, name) if label else self.drivings[name]
         hole = self.layout.hole_pose(screw)
         # The shank leaves its hole on the straight stretch.
-        stretch_m = None if screw.length_m is None else max(screw.length_m, _LEAST_STRETCH_M)
+        stretch_m = screw.insert_m
+        if stretch_m is None and screw.length_m is not None:
+            stretch_m = max(screw.length_m, _LEAST_STRETCH_M)
         drive = Visit(
             hole,
             Event.DRIVE,

@@ -201,6 +201,12 @@ class ScrewConfig(Strict):
         description="length over which it is driven in [m]; left out: length of the shank in the "
         "parts of 'into', or the whole shank",
     )
+    insert_m: Length | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="length of the straight stretch along its axis to the hole, for a screw that "
+        "does not go straight down [m]; left out: its shank, 0.05 at least",
+    )
     torque_nm: Torque | None = Field(
         None,
         exclude_if=is_absent,
@@ -399,6 +405,13 @@ class ScrewConfig(Strict):
         if key not in self.model_fields_set:
             # Assigning to a frozen model fails.
             object.__setattr__(self, key, value)
+
+    @model_validator(mode="after")
+    def _need_no_stretch_down(self) -> ScrewConfig:
+        if self.insert_m is not None and make_unit(self.axis) == DOWN:
+            message = "a screw that goes straight down comes along its axis anyway. Leave it out."
+            raise Located(message, "insert_m")
+        return self
 
     @model_validator(mode="after")
     def _require_height_of_oblique_hole(self) -> ScrewConfig:

@@ -19,6 +19,7 @@ from scipy.spatial import ConvexHull
 from skillplan.collision import compute_margin_m
 from skillplan.collision.contact_forces import find_axes_across
 from skillplan.domains.assembly import MAX_CORNERS
+from skillplan.physics.linear_motions import SHANK_DIAMETER_M
 from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
@@ -749,6 +750,9 @@ def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
 
 
 _MOST_DIRECTIONS = 3
+# Stretch of a screw that a task does not give, and the longest that is written [m]; greatest sine
+# of the slope of a screw that counts as level.
+_DEFAULT_STRETCH_M, _LONGEST_STRETCH_M, _STEEP = 0.05, 0.25, 0.5
 # Default length and clearance of level insertions, and overlap that counts as touching, as in the
 # task's own measure of neighbours [m].
 _LEAST_STROKE_M, _CLEAR_STROKE_M, _TOUCH_M = 0.01, 0.005, 2e-4
@@ -1261,6 +1265,8 @@ class TaskWriter:
             joined = [self.names[name] for name in list_required(self.relation, part.name, up)]
             into = [name for name in joined if name != through]
             turned |= {"into": into} if into else {}
+        stretch_m = self._find_stretch_m(part, entry)
+        entry |= {} if stretch_m is None else {"insert_m": stretch_m}
         keys = {"through": through, **entry, **fed, **turned, **self._drive_nut(part)}
         return {"tool": self.drivers[part.name], **keys}
 
@@ -1269,6 +1275,28 @@ class TaskWriter:
         if len(self.orientations) == 1 or part.name in self.holds.fixed:
             return {}
         return {"orientation": self.orientations[self.upright.of(part.name)]}
+
+    def _find_stretch_m(self, part: Part, entry: Mapping[str, Any]) -> float | None:
+        """Return the length of the stretch of a level screw that begins clear of parts above [m].
+
+        None if the default does, or none in reach: driver and screw come down behind the parts.
+        """
+        into = np.array(entry.get("axis", DOWN))
+        if abs(into[2]) > _STEEP:
+            return None
+        frame = np.array([into, np.cross(into, DOWN), (0.0, 0.0, 1.0)])
+        mouth = frame @ np.array(entry["hole_m"])
+        half_m = max(SHANK_DIAMETER_M, entry["head_diameter_m"]) / 2
+        length_m = 0.0
+        for other in self.kept:
+            if other.name == part.name:
+                continue
+            corners = (self.upright.vertices(other) @ frame.T - mouth)[other.triangles]
+            low, high = corners.min(axis=1), corners.max(axis=1)
+            above = (low[:, 1] < half_m) & (high[:, 1] > -half_m) & (high[:, 2] > -half_m)
+            length_m = max(length_m, float(-low[above, 0].min(initial=0.0)))
+        length_m += _CLEAR_STROKE_M
+        return round(length_m, 4) if _DEFAULT_STRETCH_M < length_m <= _LONGEST_STRETCH_M else None
 
     def _choose_drivers(self) -> dict[str, str]:
         """Return the screwdriver or socket of each screw and nut, as long as it needs."""
