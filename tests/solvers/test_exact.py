@@ -311,6 +311,42 @@ def test_dives_find_a_plan_long_before_the_proof(motor_drive_task):
             assert solution.plan is None
 
 
+def test_a_plan_is_found_though_all_near_parts_bar_far_ones_for_good():
+    """Dives place the near part of each of eight pairs first, and end before the far ones."""
+    task = assembly(paired_parts(8))
+
+    def answer(skill, state):
+        if skill.name.startswith("place(far_"):
+            near = skill.name.replace("place(far", "placed(near")
+            if near in state:
+                return Verdict.infeasible("barred", task.facts.of(near), task.facts.none)
+        return Verdict.feasible(task.facts.none, task.facts.none)
+
+    model = model_of(task, fake_back_end(task, answer))
+    plan = search(model, max_labels=1_500).plan
+    assert plan is not None
+    assert replay(model, [task.skill(name) for name in plan.skills]).complete
+
+
+def paired_parts(count):
+    """Return the content of an assembly of near and far parts."""
+    rows = {"near": 0.3, "far": 0.6}
+    part = {"tool": "hand", "size_m": [0.02, 0.02, 0.02]}
+    parts = {
+        f"{row}_{i}": {**part, "start_m": [x_m, 0.03 * i], "goal_m": [x_m, -0.05 - 0.03 * i]}
+        for i in range(count)
+        for row, x_m in rows.items()
+    }
+    return {
+        "kind": "assembly",
+        "name": "pairs",
+        "robot": {"home_m": [0.3, 0.0]},
+        "tools": {"hand": {"holder_m": [0.3, 0.0]}},
+        "initial_tool": "hand",
+        "parts": parts,
+    }
+
+
 def test_it_asks_only_about_arrows_that_come_up(board_task):
     """Far fewer questions than there are applicable skills in the states it generates."""
     counting = fake_back_end(board_task, Verdict.feasible())

@@ -11,18 +11,24 @@ from .precedence_chart import DerivedChart as DerivedChart
 from .precedence_chart import derive_chart as derive_chart
 from .precedence_chart import simplify_conditions as simplify_conditions
 from .precedence_query import Relation as Relation
+from .whole_order import Conflict as Conflict
+from .whole_order import Order as Order
+from .whole_order import find_order as find_order
 
 __all__ = [
     "Alternatives",
     "ClosedRelation",
+    "Conflict",
     "DerivedChart",
     "HypotheticalStates",
+    "Order",
     "Relation",
     "break_cycles",
     "closure",
     "cycle",
     "derive_chart",
     "explain_conflict",
+    "find_order",
     "find_orderable",
     "reduction",
     "simplify_conditions",

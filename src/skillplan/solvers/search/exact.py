@@ -198,6 +198,7 @@ class _Search:
         self._toll = max(1, min(1_000, convert_to_units(1e-9) // model.step_limit))
         self._incumbent: int | None = None
         self._plan: Plan | None = None
+        self._ordered = not model.task.operations
         self._per_s = model.task.metric.cost_per_s if model.task.counts_waits else 0.0
         self._arrivals = ArrivalBound(model) if self._per_s else None
         self._arrives_us = [
@@ -252,6 +253,8 @@ class _Search:
             self.states += len(known) == 1
             self.expanded += 1
             if self.options.dives and self.expanded > next_dive:
+                if next_dive and self._plan is None and not self._ordered:
+                    self._order()
                 next_dive = 2 * next_dive + 64
                 self._dive(label)
             for child in self._children(label):
@@ -424,6 +427,24 @@ class _Search:
             for *_, child in sorted(ranked, reverse=True):
                 seen.add(self._key(child.state.bits))
                 stack.append(child)
+
+    def _order(self) -> None:
+        """Bring components one after another, and learn from failures which goes before which."""
+        from skillplan.chart.whole_order import find_order
+
+        self._ordered = True
+        task, feasibility = self.model.task, self.model.feasibility
+        order = find_order(task, feasibility, (), {}, self.stop, may_drop=False)
+        label = _Label(self.model.initial, 0, 0, 0, None, -1)
+        for skill in order.skills:
+            if not skill.applicable(label.state):
+                return
+            label = self._child(label, skill)
+            if not self._feasible(label, tuple, None):
+                return
+            self._price(label)
+        if self.model.is_goal(label.state) and label.steps <= self.model.step_limit:
+            self._keep(label)
 
     def _adopt(self, plan: Plan | None) -> None:
         """Adopt a known plan, such as a warm start, as the incumbent."""

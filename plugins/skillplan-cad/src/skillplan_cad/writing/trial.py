@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from skillplan.chart import HypotheticalStates
+from skillplan.chart import Conflict, HypotheticalStates, find_order
 from skillplan.checks import Feasibility
 from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain, MeshConfig
 from skillplan.errors import Issue
@@ -20,7 +20,6 @@ from skillplan.model.replay import replay
 from skillplan.pipeline import Setup, make_feasibility, names
 from skillplan.task import Skill, State, Task
 from skillplan_cad.planning.watch import Watch
-from skillplan_cad.writing.whole_order import Conflict, find_order
 
 SWEPT = "swept"
 # Kinds of skills that bring a part or drive a screw, in order.

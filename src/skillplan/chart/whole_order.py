@@ -1,4 +1,4 @@
-"""Find an order in which one arm brings all parts of a task, or the parts that spoil every order.
+"""Find an order of all components of a task, one after another, or those that spoil every order.
 
 Parts are placed one after another, in the order of the plan as far as the checks allow. If none of
 the rest can be placed, the verdicts name the parts in the way: one that could have gone in before
@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from skillplan.chart import HypotheticalStates
-from skillplan.checks import Feasibility
-from skillplan.task import Skill, Task
+from skillplan.chart.hypothetical_state import HypotheticalStates
+from skillplan.checks.feasibility import Feasibility
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
 # Largest number of checks for each part, and of parts that are compared for leaving out.
@@ -73,6 +74,8 @@ def find_order(
     preferred: Sequence[str],
     needs: Mapping[str, Collection[str]],
     must_stop: Callable[[], bool] = lambda: False,
+    *,
+    may_drop: bool = True,
 ) -> Order:
     """Return an order of the parts and screws of a task that the back ends accept one by one.
 
@@ -84,8 +87,10 @@ def find_order(
         Parts that a part or screw rests on or goes into.
     must_stop
         Returns True once the time is over.
+    may_drop
+        False to give up where a part would have to be left out.
     """
-    return _OrderSearch(task, feasibility, preferred, needs, must_stop).run()
+    return _OrderSearch(task, feasibility, preferred, needs, must_stop).run(may_drop=may_drop)
 
 
 class _Spent(Exception):
@@ -115,7 +120,7 @@ class _OrderSearch:
         self._most = feasibility.checks + _CHECKS_A_PART * len(self._alive)
         self._longest: list[str] = []
 
-    def run(self) -> Order:
+    def run(self, *, may_drop: bool) -> Order:
         conflicts: dict[str, Conflict] = {}
         without: list[str] = []
         order: list[str] = []
@@ -126,6 +131,8 @@ class _OrderSearch:
                     break
                 if self._learn(order, failed):
                     continue
+                if not may_drop:
+                    break
                 name, conflict = self._choose_dropped(order, failed)
                 conflicts[name] = conflict
                 gone = self._list_dependants(name)
