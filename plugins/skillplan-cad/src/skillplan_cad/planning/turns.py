@@ -7,7 +7,8 @@ orientation all of that stands firm, and further parts come from above again.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +23,7 @@ from skillplan_cad.planning.bearing import (
 from skillplan_cad.planning.equilibrium import Equilibrium
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Product, Vector
-from skillplan_cad.relation import Relation
+from skillplan_cad.relation import LeftOut, Relation
 
 # Cosine of two directions that are one.
 _ALONG = 0.999
@@ -36,6 +37,7 @@ def add_turns(
     bearing: Bearing,
     absent: Collection[str] = (),
     base: str | None = None,
+    later: Mapping[str, LeftOut] | None = None,
 ) -> Bearing:
     """Return a bearing in which the product is turned as long as that brings in further parts.
 
@@ -48,20 +50,33 @@ def add_turns(
         Names of parts that are not there.
     base
         Part that the workholder holds, if it is placed; default: the heaviest.
+    later
+        Parts and screws that `bearing` lacks because they fail in its orientation, with reasons.
     """
-    forces = Equilibrium(product, relation)
+    forces, later = Equilibrium(product, relation), dict(later or {})
+    driven = relation.driven
+    bearing = replace(
+        bearing,
+        why_not={**bearing.why_not, **{n: why for n, why in later.items() if n not in driven}},
+        undriven={**bearing.undriven, **{n: why for n, why in later.items() if n in driven}},
+    )
     base = _choose_base(product, bearing, base)
     best = _add_turns(product, relation, bearing, absent, base, forces)
     if len(best.ups) == 1:
         return bearing
-    later: set[str] = set()
+    deferred = set(later)
     for name in _list_spared(relation, best, base)[:_MOST_TRIED]:
-        gone = {*absent, *later, name}
+        gone = {*absent, *deferred, name}
         start = find_bearing(product, relation, bearing.up, gone, forces, holding=True)
+        start = replace(
+            start,
+            why_not={**bearing.why_not, **start.why_not},
+            undriven={**bearing.undriven, **start.undriven},
+        )
         other = _add_turns(product, relation, start, absent, base, forces)
         if len(other.held) < len(best.held) and _is_as_whole(relation, other, best, absent):
             best = other
-            later.add(name)
+            deferred.add(name)
     return best
 
 

@@ -40,6 +40,8 @@ from skillplan_cad.writing.upright import place_turned, place_upright
 _MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
 # Shares of the time limit at which writing is interrupted: at first, and with tried parts alone.
 _STOPPED_SHARES = 0.9, 1.05
+# Reasons of parts that may be brought in another orientation.
+_RETRIED = ("no grasp", "unreachable", "no order")
 # Cosine of two directions that are one.
 _ALONG = 0.999
 
@@ -153,7 +155,7 @@ def build_task(
         task = build(again, longer, most)
         if _weigh(product, task.names) > most:
             best = task
-    if turning and holding:
+    if turning and holding and not watch.must_stop():
         best = _turn_product(product, relation, plan, best, absent, build)
     return best
 
@@ -167,8 +169,10 @@ def _turn_product(
     build: Callable[[Bearing, str, float], WrittenTask],
 ) -> WrittenTask:
     """Return a task that turns the product if it has more of the parts, or else the given one."""
-    bearing = find_bearing(product, relation, task.bearing.up, absent, holding=True)
-    turned = add_turns(product, relation, bearing, absent, plan.base)
+    later = {n: why for n, why in task.left_out.items() if why.kind in _RETRIED}
+    gone = {*absent, *later}
+    bearing = find_bearing(product, relation, task.bearing.up, gone, holding=True)
+    turned = add_turns(product, relation, bearing, absent, plan.base, later)
     most = _weigh(product, task.names)
     promised = {*turned.order, *list_driven(relation, turned, absent)}
     if not turned.turned or not task.document or _weigh(product, promised) <= most:
@@ -234,6 +238,8 @@ class _TaskBuilder:
         self._indirect = find_indirect_parts(plan)
         self._known = known
         self._absent: dict[str, LeftOut] = {}
+        # Parts that fail in the first orientation, and are tried after a turn.
+        self._later: dict[str, LeftOut] = {}
         self._begin(bearing)
 
     def _begin(self, bearing: Bearing) -> None:
@@ -420,12 +426,25 @@ class _TaskBuilder:
         return left_out | _find_loose_screws(self._relation, left_out, self._bearing)
 
     def _leave_out(self, reasons: Mapping[str, LeftOut]) -> None:
-        self._absent |= reasons
-        product, relation, absent = self._product, self._given, self._absent
-        up, base = self._bearing.up, self._plan.base
-        self._bearing = find_bearing(product, relation, up, absent, holding=self._holding)
+        product, relation, up = self._product, self._given, self._bearing.up
+        moved = {
+            name: reason
+            for name, reason in reasons.items()
+            if self._turning
+            and reason.kind in _RETRIED
+            and self._bearing.get_up(name) == up
+            and name not in self._later
+        }
+        waiting = {n: why for n, why in self._later.items() if n not in reasons and self._turning}
+        self._absent |= {**self._later, **reasons}
+        self._later = waiting | moved
+        self._absent = {n: why for n, why in self._absent.items() if n not in self._later}
+        gone = {**self._absent, **self._later}
+        bearing = find_bearing(product, relation, up, gone, holding=self._holding)
         if self._turning:
-            self._bearing = add_turns(product, relation, self._bearing, absent, base)
+            base, absent = self._plan.base, self._absent
+            bearing = add_turns(product, relation, bearing, absent, base, self._later)
+        self._bearing = bearing
 
     def _is_in_same_poses(self) -> bool:
         """Return whether all parts go in in the orientations that were begun with."""
