@@ -118,6 +118,18 @@ class TestDeadline:
         assert 3 == Deadline(60.0, graceful=True).attempt(lambda: 3)
         assert 3 == Deadline(None, graceful=True).attempt(lambda: 3)
 
+    def test_an_attempt_within_another_has_its_own_share_of_the_time(self):
+        """The inner one ends first, and the outer one is still interrupted."""
+        deadline, ended = Deadline(0.5, graceful=True), []
+
+        def attempt_inner() -> None:
+            ended.append(deadline.attempt(lambda: time.sleep(10), 0.1))
+            time.sleep(10)
+
+        assert deadline.attempt(attempt_inner, 0.4) is None
+        assert ended == [None]
+        assert not deadline.is_over()
+
     def test_nothing_is_begun_after_it(self):
         deadline = Deadline(1e-9, graceful=True)
         assert deadline.attempt(lambda: pytest.fail("it was called")) is None

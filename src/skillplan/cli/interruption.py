@@ -280,14 +280,17 @@ class Deadline:
             yield
             return
         before = signal.signal(signal.SIGALRM, _raise_time_is_up)
+        begin_s, outer_s = time.monotonic(), signal.getitimer(signal.ITIMER_REAL)[0]
         try:
             signal.setitimer(
                 signal.ITIMER_REAL, max(1e-3, self._find_end_s(share) - time.monotonic())
             )
             yield
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            # The alarm of an attempt about this one goes on.
+            left_s = max(1e-3, outer_s - (time.monotonic() - begin_s)) if outer_s else 0.0
             signal.signal(signal.SIGALRM, before)
+            signal.setitimer(signal.ITIMER_REAL, left_s)
 
 
 def _raise_time_is_up(number: int, frame: FrameType | None) -> NoReturn:

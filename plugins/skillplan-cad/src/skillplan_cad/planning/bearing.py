@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,8 +120,14 @@ def find_bearing(
     earlier
         Vectors that pointed up before that turn.
     """
-    forces = equilibrium or Equilibrium(product, relation)
+    forces = equilibrium or share_equilibrium(product, relation)
     return _Standing(product, relation, up, forces, absent, holding, firm, earlier).best()
+
+
+@lru_cache(maxsize=4)
+def share_equilibrium(product: Product, relation: Relation) -> Equilibrium:
+    """Return the contact forces of a product; writing asks for them again for each part less."""
+    return Equilibrium(product, relation)
 
 
 def hold_mates(relation: Relation, *ups: Vector) -> Relation:
@@ -177,7 +184,7 @@ def find_best_bearing(
     Both shares count the same. Ties go to the orientation in which most parts are placed with
     supports, then to the one with the fewest of them, then to the first.
     """
-    forces = Equilibrium(product, relation)
+    forces = share_equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
     driven = relation.driven - set(absent)
     best: Bearing | None = None

@@ -19,6 +19,7 @@ from skillplan_cad.planning.bearing import (
     find_bearing,
     hold_mates,
     list_required,
+    share_equilibrium,
 )
 from skillplan_cad.planning.equilibrium import Equilibrium
 from skillplan_cad.planning.precedence import encode_set
@@ -53,7 +54,7 @@ def add_turns(
     later
         Parts and screws that `bearing` lacks because they fail in its orientation, with reasons.
     """
-    forces, later = Equilibrium(product, relation), dict(later or {})
+    forces, later = share_equilibrium(product, relation), dict(later or {})
     driven = relation.driven
     bearing = replace(
         bearing,

@@ -42,6 +42,8 @@ _MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
 _STOPPED_SHARES = 0.9, 1.05
 # Reasons of parts that may be brought in another orientation.
 _RETRIED = ("no grasp", "unreachable", "no order")
+# Share of the time limit at which cutting a nest is interrupted.
+_NEST_SHARE = 0.7
 # Cosine of two directions that are one.
 _ALONG = 0.999
 
@@ -323,7 +325,7 @@ class _TaskBuilder:
                 self._leave_out({name: LeftOut(name, "no place", words) for name in far})
                 continue
             places = writer.places
-            self._seat(writer)
+            self._seat(writer, watch)
             self._names = writer.names
             task = writer.write(self._proof)
             unfinished = {part.name for part in writer.gripped} - task.pieces.pieces.keys()
@@ -357,9 +359,10 @@ class _TaskBuilder:
         }
         return _list_unexamined(untried) | self._absent
 
-    def _seat(self, writer: TaskWriter) -> None:
+    def _seat(self, writer: TaskWriter, watch: Watch) -> None:
         """Put the base into a nest if it needs one, and can have one."""
-        if self._nests is None:
+        nests = self._nests
+        if nests is None:
             return
         turn, comings = writer.upright.matrix, dict[str, Coming]()
         for part in writer.kept:
@@ -378,11 +381,11 @@ class _TaskBuilder:
             base = standing[0] if len(standing) == 1 else ""
         if base not in comings:
             return
-        nest = self._nests.choose(
-            writer.name_nest(),
-            comings.pop(base),
-            tuple(comings.values()),
-            is_fixed=base in self._holds.fixed,
+        is_fixed, coming = base in self._holds.fixed, comings.pop(base)
+        others = tuple(comings.values())
+        nest = watch.attempt(
+            lambda: nests.choose(writer.name_nest(), coming, others, is_fixed=is_fixed),
+            _NEST_SHARE,
         )
         if nest is not None:
             writer.seat(nest)
