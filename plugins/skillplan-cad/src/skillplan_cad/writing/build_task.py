@@ -251,6 +251,8 @@ class _TaskBuilder:
         self._relation = mates
         base, up = self._plan.base, bearing.up
         self._holds = PartHolds(self._product, mates, base, up, self._robot, self._known)
+        # Parts that fall in a trial, so supports hold them.
+        self._falling: list[str] = []
         # Parts that are in no order with the first tool that holds them.
         self._conflicting: dict[str, dict[str, LeftOut]] = {}
         # Task names by part of the last task.
@@ -350,7 +352,7 @@ class _TaskBuilder:
             self._leave_out(more)
 
     def list_untried(self, trials: TaskTrials) -> dict[str, LeftOut]:
-        """Return the parts that were left out, and those that have not passed their trial."""
+        """Return the parts that were left out, and the parts without a passed trial."""
         untried = {
             part.name
             for part in self._product
@@ -447,7 +449,9 @@ class _TaskBuilder:
         if self._turning:
             base, absent = self._plan.base, self._absent
             bearing = add_turns(product, relation, bearing, absent, base, self._later)
-        self._bearing = bearing
+        order, held = bearing.order, bearing.held
+        more = [name for name in self._falling if name in order and name not in held]
+        self._bearing = replace(bearing, held=(*held, *more))
 
     def _is_in_same_poses(self) -> bool:
         """Return whether all parts go in in the orientations that were begun with."""
@@ -478,7 +482,9 @@ class _TaskBuilder:
                 reasons[name] = LeftOut(name, "refused", words)
         for task_name, failure in trial.failures.items():
             name = names[task_name]
-            if not self._holds.take_next(name, failure):
+            if failure.falls and self._holding and name not in self._bearing.held:
+                self._falling.append(name)
+            elif not self._holds.take_next(name, failure):
                 reasons |= self._conflicting.get(name) or self._holds.give_up(name)
         reasons |= _list_unexamined(names[task_name] for task_name in trial.untried)
         reasons |= _list_unordered(names[task_name] for task_name in trial.unordered)

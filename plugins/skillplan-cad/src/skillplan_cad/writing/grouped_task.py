@@ -33,7 +33,7 @@ from skillplan_cad.writing.task_document import (
 )
 from skillplan_cad.writing.trial import TaskTrials
 
-# Height from which on an item has room for a hand beside it [m].
+# Height from which on an item has room for a hand next to it [m].
 _TALL_M = 0.05
 _DECIMALS = 7
 # Largest sine of a level direction.

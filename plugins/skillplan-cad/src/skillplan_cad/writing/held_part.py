@@ -62,7 +62,7 @@ TIPS_PROFILE_M = (
 
 # Area of each jaw and distance from the centre of mass of a grasp that comes before a cup [m2, m].
 _GOOD_M2, _NEAR_M = 6e-6, 0.012
-# Least share of the product's mass of a part that stands there from the start beside the base.
+# Least share of the product's mass of a part that stands there from the start, next to the base.
 _FRAME_SHARE = 0.15
 LONG_ARM = "ur10e"
 """Arm to try if a place is out of reach."""
@@ -289,7 +289,7 @@ class PartHolds:
         return sorted(order, key=lambda name: ups.index(self._bearing.get_up(name)))
 
     def choose(self, bearing: Bearing) -> dict[str, LeftOut]:
-        """Choose tools for the parts that stand; return those that the arm cannot hold.
+        """Choose tools for the parts that stand; return the parts without one.
 
         The base is fixed instead, and so is a heavy part on it that others need.
         """
@@ -350,6 +350,8 @@ class PartHolds:
                 return False
             self._extensions[name] = longer
             return True
+        if failure is not None and (failure.is_blocked or failure.falls):
+            return False
         if name not in self._choices:
             self._choices[name] = self._list_holds(self._get_part(name))
         part = self._get_part(name)

@@ -108,7 +108,7 @@ class GraspFinder:
         if self._mass_kg * GRAVITY_M_PER_S2 > compute_cup_force_n(diameter_m) / _CUP_SAFETY:
             return None
         pitch_m = max(_FINEST_M, float((high - low).max()) / _MOST_PIXELS)
-        # The frame of the picture is beside the part.
+        # The frame of the picture is outside the part.
         xs, ys = (np.arange(low[k] - pitch_m / 2, high[k] + pitch_m, pitch_m) for k in (0, 1))
         plan = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
         seen = RayView(self._mesh, np.eye(3)).trace_heights(plan * 1e3).high / 1e3
@@ -428,16 +428,22 @@ class _Field:
         columns: NDArray[np.bool_],
         sides: tuple[float, float],
     ) -> None:
-        """Remove touches of the ends of jaws on slopes, along which they slip off."""
-        lowest = int(np.flatnonzero(rows)[0])
-        if lowest == 0 or touches[0].shape[1] < 2:
-            return
-        begins, ends = self.begins[columns, lowest - 1], self.ends[columns, lowest - 1]
-        for mask, side, sign in zip(touches, sides, (-1, 1), strict=True):
-            beyond = (begins <= side + sign * _NEAR_M) & (ends >= side + sign * _NEAR_M)
-            is_wider = np.isfinite(begins) & beyond
-            slips = is_wider.any(axis=1) & ~mask[:, 1].any(axis=1)
-            mask[slips, 0] = False
+        """Remove touches of the borders of jaws on slopes, along which they slip off."""
+        across, along = np.flatnonzero(columns), np.flatnonzero(rows)
+        borders = ((1, 0, 1, along[0] - 1), (0, 0, 1, across[0] - 1), (0, -1, -2, across[-1] + 1))
+        for axis, border, inner, outside in borders:
+            kept = along if axis == 0 else across
+            inside = touches[0].shape[axis] > 1 and 0 <= outside < self.begins.shape[axis]
+            if not inside:
+                continue
+            begins = self.begins.take(outside, axis)[kept]
+            ends = self.ends.take(outside, axis)[kept]
+            for mask, side, sign in zip(touches, sides, (-1, 1), strict=True):
+                at = side + sign * _NEAR_M
+                is_wider = (np.isfinite(begins) & (begins <= at) & (ends >= at)).any(axis=1)
+                slips = is_wider & ~np.any(mask.take(inner, axis), axis=1)
+                where = (border, slips) if axis == 0 else (slips, border)
+                mask[where] = False
 
     def _is_clear(self, column: int, tip: float, hand: Hand, left: float, right: float) -> bool:
         """Return True if open jaws and the hand's body above them meet no material."""

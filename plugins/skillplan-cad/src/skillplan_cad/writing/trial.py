@@ -18,10 +18,12 @@ from skillplan.files.schema_errors import list_schema_issues
 from skillplan.model import SkillModel
 from skillplan.model.replay import replay
 from skillplan.pipeline import Setup, make_feasibility, names
-from skillplan.task import Skill, State, Task
+from skillplan.task import Skill, State, Task, Verdict
 from skillplan_cad.planning.watch import Watch
 
 SWEPT = "swept"
+# Words of reasons for which a part does not stay.
+_FALLS = ("would tip off", "has nothing beneath it", "' tips towards", "' slides towards")
 # Kinds of skills that bring a part or drive a screw, in order.
 _KINDS = ("pick", "place", "fasten")
 
@@ -36,10 +38,16 @@ class Failure:
         The skill and the reason, as a clause.
     is_far
         True if a place is out of the arm's reach.
+    is_blocked
+        True if the part itself is in the way, whichever tool brings it.
+    falls
+        True if the part does not stay where it is put, unless something holds it.
     """
 
     text: str
     is_far: bool
+    is_blocked: bool = False
+    falls: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,7 +375,7 @@ def _try_one(
         place, held = chain[1], chain[0].prediction.apply(state)
         refusal = feasibility.refuse_early(place, held) if place.applicable(held) else None
         if refusal is not None:
-            return Failure(f"place: {refusal.reason}", is_far=False)
+            return _describe(refusal, "place", name)
     for skill in chain:
         kind = skill.kind
         if not skill.applicable(state):
@@ -375,6 +383,17 @@ def _try_one(
             return None
         verdict = feasibility.verdict(skill, state)
         if not verdict.is_feasible:
-            return Failure(f"{kind}: {verdict.reason}", "missed_by_m" in verdict.evidence)
+            return _describe(verdict, kind, name)
         state = skill.prediction.apply(state)
     return None
+
+
+def _describe(verdict: Verdict, kind: str, name: str) -> Failure:
+    """Return why a skill that brings a part is refused."""
+    ways: Mapping[str, str] = verdict.evidence.get("ways", {"": verdict.reason})
+    return Failure(
+        f"{kind}: {verdict.reason}",
+        "missed_by_m" in verdict.evidence,
+        all(f"{name} runs into" in reason for reason in ways.values()),
+        all(any(words in reason for words in _FALLS) for reason in ways.values()),
+    )
