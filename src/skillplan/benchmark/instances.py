@@ -25,7 +25,7 @@ from skillplan.task.task import Task
 PROOF_GAP = 1e-5
 """Gap of cost and bound that counts as a proof, as a fraction: a planner rounds costs."""
 
-# A wheel holds the instances of tests beside the other files.
+# A wheel holds the instances of tests with the other files.
 _FOLDERS = (*CONFIG_FOLDERS, CONFIG_FOLDERS[1].parent / "tests" / "instances")
 
 

@@ -1,6 +1,6 @@
 """An arm from a URDF: the chain from its base to a named link, with limits, masses and shapes.
 
-Joints beside the chain stand still. Values that a file leaves out are assumed, and the description
+Joints outside the chain stand still. Values that a file leaves out are assumed, and the description
 lists these assumptions. All faults of a file come in one message.
 """
 
@@ -980,7 +980,7 @@ def _find_leader(joints: Mapping[str, Element], joint: Element) -> str:
 
 
 def _rest(joints: Mapping[str, Element], joint: Element) -> Rigid:
-    """Return the motion of a joint beside the chain: at 0, its nearest limit, or as its leader."""
+    """Return the motion of a joint outside the chain: at 0, its nearest limit, or as its leader."""
     return _move(joint, _compute_rest(joints, joint))
 
 

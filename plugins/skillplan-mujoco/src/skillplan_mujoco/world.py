@@ -230,7 +230,7 @@ class World(simulator.World):
         self._is_prepared, self._touches = False, None
 
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
-        """Put a body at a pose; all can be moved, except those that a task fixes."""
+        """Put a body at a pose; only bodies that a task fixes cannot be moved."""
         number = self.numbers[body.name] = self.ids[body.name]
         self._masses[body.name] = body.mass_kg
         if body.shank is not None:

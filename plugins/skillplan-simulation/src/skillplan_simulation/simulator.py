@@ -148,7 +148,7 @@ class World(Protocol):
         Parameters
         ----------
         stands
-            True if the body is not to be moved. pybullet fixes one that is not convex, because
+            True if the body is not to be moved. pybullet fixes it unless it is convex, because
             only a fixed body has its exact shape there.
         """
 

@@ -330,7 +330,7 @@ class ArmFiles:
     def _list_roots(self, package: str) -> Iterator[Path]:
         """Yield folders in which a package's files may be."""
         yield from self._list_packages(package)
-        # A copy of the package's files beside the URDF.
+        # A copy of the package's files next to the URDF.
         yield self.folder / self.beside
 
     def _list_packages(self, package: str) -> Iterator[Path]:

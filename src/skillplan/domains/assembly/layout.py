@@ -152,7 +152,7 @@ class Layout:
                 for dx_m, dy_m in list_rim(screw)
                 if (height_m := face_m(x_m + share * dx_m, y_m + share * dy_m)) is not None
             ]
-            # A wall beside the head may be higher than the face that most of the rim is on.
+            # A wall next to the head may be higher than the face that most of the rim is on.
             level_m = max(rim_m, key=partial(_count_near, rim_m), default=-math.inf)
             rests = _count_near(rim_m, level_m)[0] >= LEAST_RIM * _RIM_POINTS
             if rests and (on_axis_m is None or level_m > on_axis_m + TOUCH_M):

@@ -179,7 +179,7 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
         gymnasium.error.ResetNeeded
             If the environment was not reset, or the episode is over.
         gymnasium.error.InvalidAction
-            If an agent has no action, or one that does not exist.
+            If an agent has no action, or an unknown one.
         BackEndError
             If a back end fails.
         """

@@ -103,7 +103,7 @@ class Siemens:
         self._drills = False
 
     def lines(self, code: str, _: str) -> list[str]:
-        """Return a line in words of RS274; one that drills as several."""
+        """Return a line in words of RS274; a drilling cycle as several lines."""
         code = re.sub(r'"[^"]*"', '""', code)
         code = re.sub(r"^(?:[N:]\d+\s*)?(?:[A-Z_]\w+:\s+)?", "", code)
         if _SIEMENS_COMPUTED.search(code):
@@ -165,7 +165,7 @@ class Heidenhain:
         self._continues = False
 
     def lines(self, code: str, raw: str) -> list[str]:
-        """Return a line in words of RS274; one that drills as several."""
+        """Return a line in words of RS274; a drilling cycle as several lines."""
         continues, self._continues = self._continues, raw.rstrip().endswith("~")
         if continues or not code:
             return []

@@ -311,7 +311,7 @@ def find_contours(feeds: Sequence[Feed], progress: Progress) -> list[CutContour]
 def _merge(
     cuts: list[CutContour], alike: dict[tuple[int, ...], list[int]], cut: CutContour
 ) -> None:
-    """Add a contour, or its passes to one that is the same."""
+    """Add a contour, or its passes to an equal contour."""
     keys = _keys(cut.curve)
     for i in dict.fromkeys(i for key in keys for i in alike.get(key, ())):
         if cuts[i].curve.is_like(cut.curve):
