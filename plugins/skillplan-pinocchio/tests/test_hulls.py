@@ -119,3 +119,20 @@ def test_jaws_open_as_the_task_says_but_no_wider_than_the_hand(opening_m, expect
     """80 mm at most."""
     assert find_opening_m(Tool("gripper", "tool(gripper)", AT, opening_m=opening_m)) == expected
     assert find_opening_m(None) == panda_hand.OPENING_M
+
+
+def test_a_fine_cone_has_a_hull_that_contains_it_and_is_hardly_wider():
+    """The tip of a cone of 400 sides has more neighbours than coal stores."""
+    turns = 2 * np.pi * np.arange(400) / 400
+    rim = np.stack([0.01 * np.cos(turns), 0.01 * np.sin(turns), np.zeros(400)], axis=1)
+    cone = ConvexPiece(np.vstack([rim, [0.0, 0.0, 0.02]]))
+    points, triangles = cone.surface
+    faces = points[triangles]
+    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    outwards = np.sign(np.einsum("fi,fi->f", normals, faces[:, 0] - [0.0, 0.0, 0.005]))
+    normals *= outwards[:, None]
+    offsets = np.einsum("fi,fi->f", normals, faces[:, 0])
+    assert (cone.corners @ normals.T - offsets).max() < 1e-9
+    assert np.linalg.norm(points[:, :2], axis=1).max() < 0.0101
+    assert points[:, 2].max() < 0.0201

@@ -23,6 +23,8 @@ Indices = NDArray[np.int64]
 # Corners of a cylinder's circle; neither corners nor sides deviate by more than 0.06 % of the
 # radius.
 _CIRCLE: Final = 64
+# Number of cells along a piece, each of which keeps one corner if it has too many.
+_CELLS: Final = 64
 # Half width and thickness of the table: bodies cannot pass through it [m].
 _TABLE_HALF_WIDTH_M: Final = 5.0
 _TABLE_THICKNESS_M: Final = 1.0
@@ -33,6 +35,30 @@ STILL: Final = coal.Transform3s()
 
 # Directions across a piece in which its width is measured, and its least share afterwards.
 _CALIPERS, _LEAST_SHARE = 24, 0.02
+
+
+def _build_hull(corners: Array) -> Any:
+    points = coal.StdVec_Vec3s()
+    points.extend(list(corners))
+    return coal.Convex.convexHull(points, True, "Qt")
+
+
+def _thin_out(corners: Array) -> Array:
+    """Return fewer corners, the hull of which contains all.
+
+    coal refuses corners with more than 255 neighbours, such as the tip of a fine cone.
+    """
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    cells = np.floor((corners - low) / ((high - low).max() / _CELLS)).astype(np.int64)
+    few = corners[np.unique(cells, axis=0, return_index=True)[1]]
+    middle = few.mean(axis=0)
+    points, triangles = ConvexPiece(few).surface
+    faces = points[triangles] - middle
+    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    heights = np.einsum("fi,fi->f", normals, faces[:, 0])
+    is_flat = np.abs(heights) < 1e-9 * np.abs(heights).max()
+    shares = ((corners - middle) @ normals[~is_flat].T / heights[~is_flat]).max()
+    return np.asarray(middle + max(1.0, float(shares)) * (few - middle))
 
 
 @dataclass(frozen=True)
@@ -61,10 +87,13 @@ class ConvexPiece:
 
     @cached_property
     def hull(self) -> Any:
-        """Convex hull for coal."""
-        points = coal.StdVec_Vec3s()
-        points.extend(list(self.corners))
-        return coal.Convex.convexHull(points, True, "Qt")
+        """Convex hull for coal, a little wider if it has corners that coal refuses."""
+        try:
+            return _build_hull(self.corners)
+        except RuntimeError as error:
+            if "neighbors" not in str(error):
+                raise
+            return _build_hull(_thin_out(self.corners))
 
     @property
     def surface(self) -> tuple[Array, Indices]:
