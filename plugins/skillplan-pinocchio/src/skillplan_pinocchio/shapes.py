@@ -24,7 +24,7 @@ Indices = NDArray[np.int64]
 # radius.
 _CIRCLE: Final = 64
 # Number of cells along a piece, each of which keeps one corner if it has too many.
-_CELLS: Final = 64
+_CELLS: Final = 40
 # Half width and thickness of the table: bodies cannot pass through it [m].
 _TABLE_HALF_WIDTH_M: Final = 5.0
 _TABLE_THICKNESS_M: Final = 1.0
