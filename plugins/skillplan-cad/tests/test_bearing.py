@@ -145,6 +145,19 @@ def test_what_is_driven_from_below_comes_after_a_turn_and_so_does_what_needs_no_
     assert (bearing.held, bearing.why_not, bearing.undriven) == (("body",), {}, {})
 
 
+def test_no_table_bears_what_stands_beside_the_base_of_a_turned_product():
+    """A bar stands on the table, and beneath the body only after the turn."""
+    solids = hollow_body()
+    bar = box(60, 0, 0, 70, 60, 20)
+    product = product_of(**solids, bar=bar)
+    known = related(product)
+    alone = find_bearing(product, known, UP, holding=True)
+    assert "bar" not in alone.held
+    bearing = add_turns(product, known, alone)
+    assert bearing.order[0] == "body"
+    assert "bar" in bearing.held
+
+
 def test_a_turn_holds_what_no_screw_joins_to_the_base():
     lid = {"lid": box(0, 0, 30, 60, 60, 34)}
     for held, screws in ((("body", "lid"), {}), (("body",), {"top_screw": 30})):

@@ -8,7 +8,6 @@ orientation all of that stands firm, and further parts come from above again.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -54,31 +53,58 @@ def add_turns(
     later
         Parts and screws that `bearing` lacks because they fail in its orientation, with reasons.
     """
-    forces, later = share_equilibrium(product, relation), dict(later or {})
-    driven = relation.driven
-    bearing = replace(
-        bearing,
-        why_not={**bearing.why_not, **{n: why for n, why in later.items() if n not in driven}},
-        undriven={**bearing.undriven, **{n: why for n, why in later.items() if n in driven}},
-    )
-    base = _choose_base(product, bearing, base)
-    best = _add_turns(product, relation, bearing, absent, base, forces)
+    forces, reasons = share_equilibrium(product, relation), dict(later or {})
+    reasons |= {**bearing.why_not, **bearing.undriven}
+    count = len([part for part in product if part.name not in absent])
+    chosen = _choose_base(product, bearing, base)
+    placed = {*bearing.order, *list_driven(relation, bearing, {*absent, *reasons})}
+    if chosen is None or len(placed) == count:
+        return bearing
+
+    def turn(deferred: Collection[str]) -> Bearing:
+        gone = {*absent, *deferred}
+        start = _begin(product, relation, bearing.up, gone, chosen, reasons, forces)
+        return _add_turns(product, relation, start, absent, chosen, forces)
+
+    best = turn(deferred := set(later or {}))
     if len(best.ups) == 1:
         return bearing
-    deferred = set(later)
-    for name in _list_spared(relation, best, base)[:_MOST_TRIED]:
-        gone = {*absent, *deferred, name}
-        start = find_bearing(product, relation, bearing.up, gone, forces, holding=True)
-        start = replace(
-            start,
-            why_not={**bearing.why_not, **start.why_not},
-            undriven={**bearing.undriven, **start.undriven},
-        )
-        other = _add_turns(product, relation, start, absent, base, forces)
+    for name in _list_spared(relation, best, chosen)[:_MOST_TRIED]:
+        other = turn({*deferred, name})
         if len(other.held) < len(best.held) and _is_as_whole(relation, other, best, absent):
             best = other
             deferred.add(name)
     return best
+
+
+def _begin(
+    product: Product,
+    relation: Relation,
+    up: Vector,
+    gone: Collection[str],
+    base: str,
+    reasons: Mapping[str, LeftOut],
+    forces: Equilibrium,
+) -> Bearing:
+    """Return a bearing in the air, where the workholder holds the base and no table bears others.
+
+    Parameters
+    ----------
+    gone
+        Names of parts that do not go in before the first turn.
+    reasons
+        Reasons for some of them.
+    """
+    start = find_bearing(product, relation, up, gone, forces, holding=True, firm=[base])
+    left = {**{name: why for name, why in reasons.items() if name in gone}, **start.undriven}
+    return Bearing(
+        up,
+        (base, *start.order),
+        {base: (), **start.on},
+        {**{n: why for n, why in left.items() if n not in relation.driven}, **start.why_not},
+        {name: why for name, why in left.items() if name in relation.driven},
+        (base, *start.held),
+    )
 
 
 def _list_spared(relation: Relation, bearing: Bearing, base: str | None) -> list[str]:
