@@ -355,3 +355,32 @@ def test_pins_and_pegs_of_real_fits_go_in_and_the_answer_says_with_which_play(
     assert "pin_2 in block (drawn -0.01 mm)" in sentence
     assert "pin_1 in block (drawn 0.02 mm)" in sentence
     assert "pin_0" not in sentence
+
+
+@pytest.mark.slow(reason="an import; the parts of it are tested in every run")
+def test_a_peg_that_only_a_hole_holds_is_supported_and_goes_in_from_the_side(tmp_path):
+    """Its centre is beside the wall: with the play of the fit it tips before the hole holds."""
+    cube = manifold3d.Manifold.cube
+    wall = cube((120, 90, 15), True).translate((0, 0, 7.5))
+    wall += cube((20, 90, 50), True).translate((-50, 0, 25))
+    wall -= cube((30, 12, 12), True).translate((-50, 0, 40))
+    solids = {"wall": wall, "peg": cube((80, 12, 12), True).translate((-20, 0, 40))}
+    for name, y_mm in (("left", 30), ("right", -30)):
+        solids[name] = cube((20, 16, 20), True).translate((30, y_mm, 25))
+    (tmp_path / "parts").mkdir()
+    for name, solid in solids.items():
+        mesh = solid.to_mesh()
+        trimesh.Trimesh(mesh.vert_properties, mesh.tri_verts).export(tmp_path / f"parts/{name}.stl")
+    out = tmp_path / "out"
+    words = ["import-cad", str(tmp_path / "parts"), "--unit", "mm", "--out", str(out)]
+    assert run([*words, "--no-cache"]) == 0
+    task = yaml.safe_load((out / "product.yaml").read_text())
+    assert ["peg"] in [holder["parts"] for holder in task["holders"].values()]
+    (along,) = task["parts"]["peg"]["insert_along"]
+    assert along == [-1.0, 0.0, 0.0]
+    (own,) = read_bodies(out / "meshes/peg.pieces.obj")
+    heights_mm = [
+        piece.bounding_box()[5] - piece.bounding_box()[2]
+        for piece in own.split_by_plane((1, 0, 0), -39.9)
+    ]
+    assert max(heights_mm) - min(heights_mm) > 0.3, "its leading end has chamfers"

@@ -32,6 +32,10 @@ _CHANGED = (
     "dof_invweight0",
 )
 
+# Mass below which contacts of a body are as stiff as with it [kg]. MuJoCo's contacts yield by force
+# over mass: jaws of 27 N would sink 14 mm into a gram.
+_STIFF_KG = 0.05
+
 
 class Cell:
     """A compiled model and the names of its bodies.
@@ -48,6 +52,10 @@ class Cell:
         self.model, self.hands, self.friction = model, tuple(hands), friction
         self._data = mujoco.MjData(model)
         self._coordinates: dict[str, tuple[slice, slice]] = {}
+        self._weights = np.array(model.body_invweight0)
+        self._masses = np.array(model.body_mass)
+        for number in np.flatnonzero(self._weights[:, 0] > 0).tolist():
+            self._set_stiffness(number)
         self._own = {name: np.array(getattr(model, name)) for name in _CHANGED}
         self.ids: dict[str, int] = {
             model.body(number).name: number for number in range(model.nbody)
@@ -115,5 +123,12 @@ class Cell:
         number, (_, speeds) = self.ids[name], self.coordinates(name)
         for values in (self.model.body_mass, self.model.body_inertia, self.model.body_subtreemass):
             values[number] *= factor
-        self.model.body_invweight0[number] /= factor
+        self._set_stiffness(number)
         self.model.dof_invweight0[speeds] /= factor
+
+    def _set_stiffness(self, number: int) -> None:
+        """Set the inverse masses by which contacts and bonds of a body yield."""
+        mass_kg = float(self.model.body_mass[number])
+        if mass_kg > 0:
+            weights = self._weights[number] * self._masses[number] / mass_kg
+            self.model.body_invweight0[number] = weights * min(1.0, 1 / (_STIFF_KG * weights[0]))

@@ -87,9 +87,11 @@ class Equilibrium:
         return pushes
 
     def _has_forces(self, part: int, others: int, up: Array, foot_m: Array | None) -> bool:
+        # Faces above do not hold it: with the play of a fit it tips before it meets them.
         touches = [
-            Touch(_PART, self._relation.names[other], points, normals)
+            Touch(_PART, self._relation.names[other], points[bears], normals[bears])
             for other, points, normals in self._list_pushes(part, others)
+            for bears in (normals @ up > -BEARS,)
         ]
         if foot_m is not None and len(foot_m):
             upwards = np.tile(up, (len(foot_m), 1))

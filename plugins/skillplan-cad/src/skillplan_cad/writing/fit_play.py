@@ -37,6 +37,8 @@ _REACH_M = 3e-4
 _BELOW_MM = 0.3
 # Largest cosine between a side's normal and the move; smaller overlaps are rounding [mm3].
 _SIDEWAYS, _LEAST_MM3 = 0.1, 1e-3
+# Largest cosine of a side that counts as parallel to the move.
+_STRAIGHT = 0.02
 # Smallest downward component of an underside's normal.
 _STEEP = 0.5
 # Share by which a side shrinks towards its middle.
@@ -279,7 +281,13 @@ class _Hull:
                 facet = corners[numbers].reshape(-1, 3)
                 # Surfaces that touch its edges are not in front of it.
                 facet = facet + _INWARD * (facet.mean(axis=0) - facet)
-                self._facets.append((normals[largest], float(offsets[largest]), facet))
+                normal, offset = normals[largest], float(offsets[largest])
+                if abs(float(normal @ along)) < _STRAIGHT:
+                    # A hull over the waist of a press fit leans: all of it has to pass.
+                    normal = normal - (normal @ along) * along
+                    normal = normal / np.linalg.norm(normal)
+                    offset = float((self._points @ normal).max())
+                self._facets.append((normal, offset, facet))
         return self._facets
 
     def cut(self, along: Floats) -> tuple[Points, NDArray[np.int64]] | None:
