@@ -36,6 +36,8 @@ _RAISE_M = 0.06
 # Samples of the check, and height of layers on slopes: a fifth and four times those of
 # `skillplan nest`, as imports wait for them [m].
 _SAMPLES, _LAYER_M = 30_000, 2e-3
+# Largest number of triangles of the parts that it leaves room for.
+_MOST_TRIANGLES = 20_000
 # Cosine above which a way is straight down.
 _DOWN = 1 - 1e-6
 
@@ -219,6 +221,9 @@ def cut_task_nest(
             room.append(body)
             if coming.stands and abs(lowest_m - low_m) < _LEVEL_M:
                 seated.append(coming.part)
+    count = sum(len(triangles) for _, triangles in room)
+    if count > _MOST_TRIANGLES:
+        return None, f"it is not cut at import for {count:,} triangles; `skillplan nest` cuts one"
     below_m = float(low_m - min((vertices @ axis).min() for vertices, _ in room))
     if below_m > _MOST_BELOW_M:
         return None, f"other parts hang {below_m * 1e3:.0f} mm lower"
@@ -230,6 +235,7 @@ def cut_task_nest(
         depth_m=below_m + held_m,
         base_m=usual.base_m + raise_m,
         layer_m=_LAYER_M,
+        pin_m=0.0,
     )
     try:
         nest = build_nest(room, settings, up, free)
