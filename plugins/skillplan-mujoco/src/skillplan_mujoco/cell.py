@@ -57,6 +57,7 @@ class Cell:
         for number in np.flatnonzero(self._weights[:, 0] > 0).tolist():
             self._set_stiffness(number)
         self._own = {name: np.array(getattr(model, name)) for name in _CHANGED}
+        self._boxes = np.array(model.bvh_aabb)
         self.ids: dict[str, int] = {
             model.body(number).name: number for number in range(model.nbody)
         }
@@ -92,6 +93,7 @@ class Cell:
             self.model.body_mass[number] = mass.mass_kg
             self.model.body_ipos[number] = mass.centre_m
             self.model.body_inertia[number] = mass.inertia_kg_m2
+            self._move_boxes(number)
         own = self.hands.index(hand)
         return [
             geom
@@ -99,6 +101,13 @@ class Cell:
             for geom in self._geoms(name)
             if parse_hand_number(self.model.geom(geom).name) != own
         ]
+
+    def _move_boxes(self, number: int) -> None:
+        """Keep the boxes that find contacts in place; MuJoCo stores them about mass centres."""
+        first = int(self.model.body_bvhadr[number])
+        boxes = slice(first, first + int(self.model.body_bvhnum[number]))
+        moved = self.model.body_ipos[number] - self._own["body_ipos"][number]
+        self.model.bvh_aabb[boxes, :3] = self._boxes[boxes, :3] - moved
 
     def _geoms(self, name: str) -> range:
         """Return the numbers of the geometries of a body."""
