@@ -68,6 +68,25 @@ def test_the_fewest_supports_hold_what_does_not_stay():
     assert bearing.why_not == {}
 
 
+@pytest.mark.parametrize("up", ["z", "-x"])
+def test_no_support_holds_what_only_a_left_out_part_connects_to_the_rest(up):
+    """Cap and knob touch each other, and would hang in the air without the lid."""
+    product = product_of(
+        foot=box(0, 0, -10, 60, 60, 0),
+        body=box(0, 0, 0, 60, 60, 30),
+        lid=box(0, 0, 30, 60, 60, 34),
+        cap=box(20, 20, 34, 40, 40, 44),
+        knob=box(25, 25, 44, 35, 35, 50),
+    )
+    known = related(product)
+    for earlier in ({}, {"firm": ["foot", "body"], "earlier": [UP]}):
+        bearing = find_bearing(product, known, ATTITUDES[up], ["lid"], holding=True, **earlier)
+        assert bearing.why_not.keys() == {"cap", "knob"}
+    assert "lid" in bearing.why_not["cap"].by
+    whole = find_bearing(product, known, ATTITUDES[up], holding=True)
+    assert set(whole.order) == {"foot", "body", "lid", "cap", "knob"}
+
+
 def test_what_stands_by_itself_is_not_held():
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     assert find_bearing(product, related(product), UP, holding=True).held == ()

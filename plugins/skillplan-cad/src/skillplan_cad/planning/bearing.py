@@ -271,10 +271,17 @@ class _Standing:
                     self._lost[upper].append(lower)
         self._numbers = {name: number for number, name in enumerate(relation.names)}
         self._touched = dict.fromkeys(self._parts, 0)
+        # What touches a part, or is screwed to it.
+        self._linked = {name: set[str]() for name in relation.names}
         for contact in relation.contacts:
             for name, other in (contact.parts, contact.parts[::-1]):
+                self._linked[name].add(other)
                 if name in self._touched:
                     self._touched[name] |= 1 << self._numbers[other]
+        for fastener in relation.fasteners:
+            for join in fastener.joins:
+                self._linked[fastener.part].add(join)
+                self._linked[join].add(fastener.part)
         self._firm_bits = encode_set([self._numbers[name] for name in self._firm])
         self._known: dict[tuple[str, int, bool], bool] = {}
         self._earlier: dict[str, int] = {}
@@ -293,7 +300,7 @@ class _Standing:
         undriven = self._find_undriven()
         if self._firm:
             near = {name for name in self._parts if self._touched[name] or name in self._firm}
-            return self._order(self._support(near, -np.inf), -np.inf, undriven)
+            return self._order(self._support(near, -np.inf, undriven), -np.inf, undriven)
         best = self._order({}, 0.0, undriven)
         while present and len(present) > len(best.order):
             ground = min(self._lowest[name] for name in present)
@@ -306,23 +313,85 @@ class _Standing:
                     best = bearing
             present = {name for name in present if self._lowest[name] > ground + _TOUCH_M}
         if self._holding and (best.why_not or self._turning):
-            ground = min(self._lowest.values(), default=0.0)
+            ground = self._find_ground(undriven)
             # What touches nothing may be a mistake, and is told.
             near = {name for name in self._parts if self._touched[name]}
-            borne = self._support(near, ground)
+            borne = self._support(near, ground, undriven)
             bearing = self._order(borne, ground, undriven)
             if len(bearing.order) > len(best.order) - bool(self._turning):
                 return bearing
         return best
 
-    def _support(self, present: set[str], ground: float) -> dict[str, tuple[str, ...]]:
+    def _find_ground(self, undriven: Collection[str]) -> float:
+        """Return the lowest height, without what left-out parts cut off from the largest group."""
+        groups = self._list_groups(self._parts, undriven)
+        weights = [
+            (len(group), sum(self._parts[name].mass_kg for name in group)) for group, _ in groups
+        ]
+        main = max(range(len(groups)), key=weights.__getitem__, default=0)
+        return min(
+            (
+                self._get_lowest(group)
+                for number, (group, is_cut_off) in enumerate(groups)
+                if number == main or not is_cut_off
+            ),
+            default=0.0,
+        )
+
+    def _get_lowest(self, names: Collection[str]) -> float:
+        return min(self._lowest[name] for name in names)
+
+    def _drop_hanging(self, present: set[str], ground: float, lost: Collection[str]) -> set[str]:
+        """Return the parts without groups that hang in the air, as parts are left out."""
+        kept: set[str] = set()
+        for group, is_cut_off in self._list_groups(present, lost):
+            stands = abs(self._get_lowest(group) - ground) < _TOUCH_M
+            if stands or not is_cut_off or self._firm & group:
+                kept |= group
+        return kept
+
+    def _list_groups(
+        self, present: Collection[str], lost: Collection[str]
+    ) -> list[tuple[set[str], bool]]:
+        """Return the connected groups of parts, and whether each touches what is left out.
+
+        Parameters
+        ----------
+        lost
+            Screws and nuts that are left out; the others connect parts, too.
+        """
+        there = {*present, *(self._driven - set(lost)), *self._firm}
+        left = [name for name in self._parts if name in there]
+        groups: list[tuple[set[str], bool]] = []
+        while left:
+            reached, fresh, is_cut_off = {left[0]}, [left[0]], False
+            while fresh:
+                linked = self._linked[fresh.pop()]
+                is_cut_off |= not linked <= there
+                more = (linked & there) - reached
+                reached |= more
+                fresh += more
+            groups.append((reached & self._parts.keys(), is_cut_off))
+            left = [name for name in left if name not in reached]
+        return groups
+
+    def _support(
+        self, present: set[str], ground: float, lost: Collection[str]
+    ) -> dict[str, tuple[str, ...]]:
         """Return the supported parts, each after its supports; hold parts that do not stay.
 
         The part that lets most others stand is held next, the heaviest of several. Then each hold
-        without which all stand is given up.
+        without which all stand is given up. What left-out parts alone connect to the rest is not
+        held, as it would hang in the air.
+
+        Parameters
+        ----------
+        lost
+            Screws and nuts that are left out.
         """
         if not self._holding:
             return self._find_supported(present, ground)
+        present = self._drop_hanging(present, ground, lost)
         self._held = self._turning & present
         borne = self._find_supported(present, ground)
         while len(borne) < len(present):
@@ -466,7 +535,7 @@ class _Standing:
             reasons[name] = self._explain_closed_in(name, left | self._firm_bits)
             kept.pop(name, None)
             there = {other for other in kept if other not in reasons}
-            kept = self._support(there, ground)
+            kept = self._support(there, ground, reasons)
         order = [name for name in reversed(removed) if name in kept]
         standing: dict[str, tuple[str, ...]] = {
             name: () for name in self._parts if name in self._firm
@@ -679,6 +748,9 @@ class _Standing:
             words = f"stands on {_format_names(beneath)} alone, which nothing bears"
             return LeftOut(name, "follows", words, tuple(beneath))
         bearers = self._list_bearers(name, borne)
+        if touched and self._absent.issuperset(touched):
+            words = f"touches only {_format_names(touched)}, which is left out"
+            return LeftOut(name, "follows", words, tuple(dict.fromkeys(touched)))
         if bearers:
             words = f"would slip or roll off {_format_names(list(bearers))}"
             return LeftOut(name, "tips", words, bearers)
