@@ -11,6 +11,7 @@ from skillplan_pinocchio import (
     TABLE,
     ConvexPiece,
     Obstacle,
+    SurfacePiece,
     Sweep,
     collect_obstacles,
     compute_box_corners,
@@ -72,6 +73,19 @@ def test_what_only_touches_is_no_collision(overlap_m, hits):
     assert (touch is not None) is hits
     if touch is not None:
         assert touch.penetration_m == pytest.approx(overlap_m, abs=1e-6)
+
+
+def test_what_ends_just_below_the_underside_of_a_mesh_is_as_deep_as_its_way_out():
+    """A block through a roof of 5 mm, whose least triangle it passes by 0.1 mm only."""
+    corners = compute_box_corners(Box((0.06, 0.06, 0.005), (0.0, 0.0, 0.0025)))
+    triangles = ConvexPiece(corners).surface
+    roof = Obstacle("roof", "placed(roof)", (SurfacePiece(*triangles),))
+    sweep = Sweep(
+        "", "it", (piece((0.03, 0.03, 0.03), (0.03, 0.0, 0.0149)),), (0.0, 0.0, 0.0), NONE
+    )
+    touch = sweep.touch(roof, 2e-4, 4)
+    assert touch is not None
+    assert touch.penetration_m == pytest.approx(0.0051, abs=2e-4)
 
 
 def test_the_first_touch_is_said():

@@ -28,6 +28,8 @@ _CELLS: Final = 40
 # Half width and thickness of the table: bodies cannot pass through it [m].
 _TABLE_HALF_WIDTH_M: Final = 5.0
 _TABLE_THICKNESS_M: Final = 1.0
+# Largest number of triangles in which the depth of an overlap is measured.
+_MOST_TOUCHES: Final = 2_000
 
 STILL: Final = coal.Transform3s()
 """The placement of a geometry that is not moved."""
@@ -206,16 +208,21 @@ def measure_geometry_distance(geometry: Any, at: Any, other: Any, other_at: Any)
 def measure_overlap(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness | None:
     """Return the distance between two geometries of coal if they overlap, else None.
 
-    A tree of triangles is tested for overlap first, because the distance to one takes ten times as
-    long as this test.
+    With a tree of triangles, its amount is that of the deepest triangle: no move shorter than this
+    parts the two, whereas the distance to the tree is that of the shallowest one.
     """
-    if isinstance(other, coal.BVHModelOBBRSS):
-        request = coal.CollisionRequest()
-        request.enable_contact = False
-        if not coal.collide(geometry, at, other, other_at, request, coal.CollisionResult()):
-            return None
-    nearness = measure_geometry_distance(geometry, at, other, other_at)
-    return nearness if nearness.distance_m < 0 else None
+    if not isinstance(other, coal.BVHModelOBBRSS):
+        nearness = measure_geometry_distance(geometry, at, other, other_at)
+        return nearness if nearness.distance_m < 0 else None
+    request, found = coal.CollisionRequest(), coal.CollisionResult()
+    request.enable_contact, request.num_max_contacts = True, _MOST_TOUCHES
+    if not coal.collide(geometry, at, other, other_at, request, found):
+        return None
+    deepest = min(found.getContacts(), key=lambda contact: contact.penetration_depth)
+    if deepest.penetration_depth >= 0:
+        return None
+    x, y, z = (round(float(value), 6) for value in deepest.pos)
+    return Nearness(float(deepest.penetration_depth), (x, y, z))
 
 
 def may_touch(piece: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> bool:

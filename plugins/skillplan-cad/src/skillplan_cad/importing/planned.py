@@ -464,8 +464,6 @@ def _write_task(
         longer = find_longer_arm(arm, loads.values())
         if longer is not None and list_screws_towards_arm(relation, bearing):
             arm, longer = longer, arm
-        if arm != DEFAULT_ARM:
-            lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
     ups = ATTITUDES.values() if settings.up == AUTO else ()
     task = build_task(
         loose,
@@ -483,9 +481,11 @@ def _write_task(
         known=known,
         nesting=settings.nesting,
     )
-    if task.document and task.document["robot"]["model"] != arm:
-        lines.append(f"arm {longer}: it brings parts that are out of reach of {arm}")
-    arm = task.document["robot"]["model"] if task.document else arm
+    first, arm = arm, task.document["robot"]["model"] if task.document else arm
+    if arm != first:
+        lines.append(f"arm {arm}: it brings parts that are out of reach of {first}")
+    elif arm != settings.robot and arm != DEFAULT_ARM:
+        lines.append(f"arm {arm}: it carries or reaches more of the parts than {DEFAULT_ARM}")
     grouped = build_grouped_task(
         loose,
         relation,
