@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from skillplan.pipeline import load_problem, registry
+from skillplan_pinocchio import SweptDetector
 from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -100,6 +101,9 @@ def test_a_joined_part_is_where_its_members_were(engine):
     assert not set(members) & rows[-1].bodies.keys()
     stood, joined = rows[0].bodies["block"], rows[-1].bodies["valve"]
     assert math.dist(joined.position, stood.position) < 1e-4
+    keeps = "whether the members of valve keep together while they are carried: "
+    for back_end in (physics, SweptDetector(task)):
+        assert any(sentence.startswith(keeps) for sentence in back_end.not_checked())
 
 
 # A shelf of 20.5 mm, open along x, and a board of 20 mm that a cup pushes in.

@@ -30,7 +30,17 @@ from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.motion import AXES, Event, Grasp, GraspKind, Visit
 from skillplan.task.pose import DOWN, Point, Pose, cross, dot, is_same_direction, plus, unit
-from skillplan.task.scene import WORLD, Body, Placement, Robot, Scene, Tool, ToolKind, name_shank
+from skillplan.task.scene import (
+    WORLD,
+    Body,
+    Placement,
+    Robot,
+    Scene,
+    Tool,
+    ToolKind,
+    describe_unchecked_joins,
+    name_shank,
+)
 from skillplan.task.shape import Box
 from skillplan.task.skill import Skill
 from skillplan.task.state import AND, State
@@ -401,6 +411,7 @@ class AabbDetector(Detector):
             *([f"bodies of the grippers {', '.join(hands)}, without envelope_m"] if hands else []),
             *([f"collisions while {', '.join(turning)} turns"] if turning else []),
             *([f"room for the jaws {', '.join(jaws)} to close"] if jaws else []),
+            *describe_unchecked_joins(self.task.scene.bodies),
         )
 
     def refuses(self) -> str | None:

@@ -7,7 +7,7 @@ simulation history is needed. The origin of a body is the centre of its bottom f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
@@ -247,6 +247,13 @@ class Body:
             if placement.fact in state:
                 return placement
         return None
+
+
+def describe_unchecked_joins(bodies: Iterable[Body]) -> tuple[str, ...]:
+    """Return that joined bodies may slip in the hand, if there are any."""
+    wholes = ", ".join(dict.fromkeys(body.part_of for body in bodies if body.part_of))
+    note = f"whether the members of {wholes} keep together while they are carried: they count as"
+    return (f"{note} one body once joined",) if wholes else ()
 
 
 class ToolKind(StrEnum):

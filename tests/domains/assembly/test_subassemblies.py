@@ -73,6 +73,7 @@ def task_of(**sections):
 def plan_of(task):
     result = solve(task, setup=BOXES)
     assert result.status == "optimal"
+    assert sum("keep together" in sentence for sentence in result.not_checked) == 1
     return [step.skill for step in result.steps]
 
 

@@ -30,7 +30,7 @@ from skillplan.physics.performance import PlannedMotion
 from skillplan.task import back_end
 from skillplan.task.back_end import RemovedDwell
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import Robot, Zone
+from skillplan.task.scene import Robot, Zone, describe_unchecked_joins
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -296,13 +296,14 @@ class SweptDetector(Detector):
         return {} if self.refuses() is not None else find_tight_fits(self.task, as_pieces=True)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return limits that the arm's description lacks, play of fits, and speeds of links."""
+        """Return limits that the arm's description lacks, and what of fits, speeds and joins."""
         if self.refuses() is not None:
             return ()
         return (
             *self._robot.model.not_checked,
             *describe_unchecked_fits(self.task.scene.bodies, simulated=False),
             *describe_unchecked_speeds(self.task.scene),
+            *describe_unchecked_joins(self.task.scene.bodies),
         )
 
     def check(self, skill: Skill, state: State) -> Verdict:

@@ -17,7 +17,7 @@ from skillplan.physics.linear_motions import find_jaw_faults
 from skillplan.physics.performance import Angle, Image, Performance, Performer, Sample
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
-from skillplan.task.scene import Scene
+from skillplan.task.scene import Scene, describe_unchecked_joins
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -163,7 +163,7 @@ class SimulatingEngine(Engine):
         return find_tight_fits(self.task, as_pieces=not self.stands_exact)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return limits that the arm's description lacks, play of fits, and speeds of links."""
+        """Return limits that the arm's description lacks, and what of fits, speeds and joins."""
         if self.refuses() is not None:
             return ()
         scene = self.task.scene
@@ -171,6 +171,7 @@ class SimulatingEngine(Engine):
             *scene.robots[0].model.not_checked,
             *describe_unchecked_fits(scene.bodies, simulated=True),
             *describe_unchecked_speeds(scene),
+            *describe_unchecked_joins(scene.bodies),
             *_describe_holders(scene),
         )
 

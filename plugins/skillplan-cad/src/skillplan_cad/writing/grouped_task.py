@@ -38,7 +38,10 @@ _TALL_M = 0.05
 _DECIMALS = 7
 # Largest sine of a level direction.
 _LEVEL = 1e-3
-_BUILT = "is built into {whole} at a station of its own, which is then placed as one part"
+_BUILT = (
+    "is built into {whole} at a station of its own, which is then placed as one part; that its "
+    "parts keep together while they are carried is not checked"
+)
 
 
 @dataclass(frozen=True, slots=True)
