@@ -501,14 +501,14 @@ BRACKET = box(0, 0, 0, 60, 40, 5) + box(0, 30, 5, 60, 40, 25) + box(0, 14, 20, 6
 BLOCK = box(10, -15, 5, 50, 29, 19.5)
 
 
-def push_block(density_kg_m3, nesting=True):
+def push_block(density_kg_m3, nesting=True, watch=None):
     """Return the task of the bracket and the block."""
     bracket = replace(part_of("bracket", BRACKET), density_kg_m3=density_kg_m3)
     product = Product("push", (bracket, part_of("block", BLOCK)), "mm", 0.0)
     known = related(product)
     plan = Planner(product, known).plan("bracket", (0.0, 0.0, 1.0), ["bracket"])
     bearing = find_best_bearing(product, known)
-    return build_task(product, known, plan, bearing=bearing, nesting=nesting)
+    return build_task(product, known, plan, bearing=bearing, nesting=nesting, watch=watch)
 
 
 @pytest.mark.slow(reason="swept tries a task; fixtures of nests are checked in every run")
@@ -528,4 +528,7 @@ def test_a_light_base_that_is_pushed_sideways_stands_in_a_nest(tmp_path, capsys)
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(content, "utf-8")
     assert run(["check", str(tmp_path / "product.yaml")]) == 0, capsys.readouterr().err
-    assert "fixtures" not in push_block(7850.0, nesting=False).document
+    late = push_block(
+        7850.0, watch=Watch(attempt=lambda make, share: make() if share > 0.8 else None)
+    )
+    assert (late.nest, late.why_no_nest) == (None, "none was cut in the time")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ import shapely
 
 from skillplan.errors import OptionError
 from skillplan_cad.nests.nest import KeepFree, Nest, NestSettings, build_nest
-from skillplan_cad.nests.nest_check import check_nest, drop_bad_coarse
+from skillplan_cad.nests.nest_check import MOST_SAMPLES, NestCheck, check_nest, drop_bad_coarse
 from skillplan_cad.nests.nest_document import build_nest_document, format_nest_files
 from skillplan_cad.nests.stepped_mesh import Body
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
@@ -116,20 +116,13 @@ def _make(
     """Return the entry and the files of a nest; no files if it is not good."""
     settings, up = NestSettings(), phase.steps[0].up
     seated = [parts[name] for name in phase.seated]
-    room, free = [_get_body(part) for part in seated], list[KeepFree]()
-    for step in phase.steps:
-        coming = [_get_body(parts[name]) for name in step.parts]
-        if float(np.dot(step.along, up)) < -_DOWN and not step.path:
-            room += coming
-        else:
-            winds = bool(step.path)
-            free.append(keep_way_free(coming, step.along, up, settings.clearance_m, winds=winds))
-    nest = build_nest(room, settings, up, free)
-    check = check_nest([_get_body(part) for part in seated], nest, free)
-    if len(room) > len(seated):
-        later = check_nest(room, nest, free, stands=False)
-        words = (f"{fault}, with the parts that come later" for fault in later.faults)
-        check = replace(check, faults=(*check.faults, *words))
+    ways = (
+        Way([parts[name] for name in step.parts], (step.along,), bool(step.path))
+        for step in phase.steps
+    )
+    room, free = divide_room(ways, up, settings.clearance_m)
+    room = [get_body(part) for part in seated] + room
+    nest, check = build_checked_nest(seated, room, settings, up, free)
     entry = build_nest_document(label, nest, check, seated)
     entry["without"] = [part.name for part in left_out if _is_near(part, nest)]
     if not check.is_good:
@@ -160,22 +153,67 @@ def _is_near(part: Part, nest: Nest) -> bool:
     )
 
 
-def _get_body(part: Part) -> Body:
+def get_body(part: Part) -> Body:
+    """Return the mesh of a part."""
     return part.vertices_m, part.triangles
 
 
-def keep_way_free(
-    bodies: Sequence[Body], along: Vector, up: Vector, clearance_m: float, *, winds: bool = False
-) -> KeepFree:
-    """Return the region that parts cross on a way that is not straight down.
+def goes_down(along: Vector, up: Vector) -> bool:
+    """Return whether a direction is straight down."""
+    return float(np.dot(along, up)) < -_DOWN
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """Parts that come together, and the directions in which they may come.
 
     Parameters
     ----------
-    along
-        Direction in which they come.
     winds
         True if they come by several moves, so the nest is open through its base.
     """
+
+    parts: Sequence[Part]
+    along: Sequence[Vector]
+    winds: bool = False
+
+
+def divide_room(
+    ways: Iterable[Way], up: Vector, clearance_m: float
+) -> tuple[list[Body], list[KeepFree]]:
+    """Return the bodies that come straight down, and the regions that the others cross."""
+    room, free = list[Body](), list[KeepFree]()
+    for way in ways:
+        bodies = [get_body(part) for part in way.parts]
+        aside = [along for along in way.along if way.winds or not goes_down(along, up)]
+        free += [_keep_free(bodies, along, up, clearance_m, way.winds) for along in aside]
+        if not aside:
+            room += bodies
+    return room, free
+
+
+def build_checked_nest(
+    seated: Sequence[Part],
+    room: Sequence[Body],
+    settings: NestSettings,
+    up: Vector,
+    free: Sequence[KeepFree],
+    most: int = MOST_SAMPLES,
+) -> tuple[Nest, NestCheck]:
+    """Return a nest and its check: with the seated parts, then with all that it has room for."""
+    nest = build_nest(room, settings, up, free)
+    check = check_nest([get_body(part) for part in seated], nest, free, most=most)
+    if len(room) > len(seated):
+        later = check_nest(room, nest, free, stands=False, most=most)
+        words = (f"{fault}, with the parts that come later" for fault in later.faults)
+        check = replace(check, faults=(*check.faults, *words))
+    return nest, check
+
+
+def _keep_free(
+    bodies: Sequence[Body], along: Vector, up: Vector, clearance_m: float, winds: bool
+) -> KeepFree:
+    """Return the region that bodies cross on a way that is not straight down."""
     turn = compute_rotation_to_z(up)
     points = np.concatenate([vertices for vertices, _ in bodies]) @ turn.T
     way = turn @ np.asarray(along)

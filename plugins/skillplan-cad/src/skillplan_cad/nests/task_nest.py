@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from skillplan.errors import OptionError
-from skillplan_cad.nests.nest import KeepFree, NestSettings, build_nest
-from skillplan_cad.nests.nest_check import check_nest, drop_bad_coarse
+from skillplan_cad.nests.nest import NestSettings
+from skillplan_cad.nests.nest_check import drop_bad_coarse
 from skillplan_cad.nests.nest_document import (
     build_nest_document,
     find_origin_m,
     format_nest_files,
 )
-from skillplan_cad.nests.planned_nests import NEST_FOLDER, keep_way_free
-from skillplan_cad.nests.stepped_mesh import Body
+from skillplan_cad.nests.planned_nests import (
+    NEST_FOLDER,
+    Way,
+    build_checked_nest,
+    divide_room,
+    get_body,
+    goes_down,
+)
+from skillplan_cad.planning.watch import Attempt, call_at_once
 from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Vector
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.task_document import TaskNest
@@ -36,10 +44,11 @@ _RAISE_M = 0.06
 # Samples of the check, and height of layers on slopes: a fifth and four times those of
 # `skillplan nest`, as imports wait for them [m].
 _SAMPLES, _LAYER_M = 30_000, 2e-3
+# Share of the time limit at which cutting is interrupted.
+_SHARE = 0.7
 # Largest number of triangles of the parts that it leaves room for.
 _MOST_TRIANGLES = 20_000
-# Cosine above which a way is straight down.
-_DOWN = 1 - 1e-6
+_NO_TIME = "none was cut in the time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +67,7 @@ class Coming:
 
     def comes_down(self, up: Vector) -> bool:
         """Return whether it comes straight down only."""
-        return all(float(np.dot(way, up)) < -_DOWN for way in self.ways)
+        return all(goes_down(way, up) for way in self.ways)
 
 
 class NestChoice:
@@ -74,11 +83,18 @@ class NestChoice:
         self._relation, self._up = relation, up
         self._is_shallow = self._is_over = False
         self._raise_m, self._failed = 0.0, -1
-        self._cut: dict[tuple[str, bool, float], TaskNest | None] = {}
+        # With why there is none, as a clause.
+        self._cut: dict[tuple[str, bool, float], tuple[TaskNest | None, str]] = {}
         self.why_none = ""
 
     def choose(
-        self, name: str, base: Coming, others: Sequence[Coming], *, is_fixed: bool
+        self,
+        name: str,
+        base: Coming,
+        others: Sequence[Coming],
+        attempt: Attempt = call_at_once,
+        *,
+        is_fixed: bool,
     ) -> TaskNest | None:
         """Return the nest of a base, or None. It is cut once for all parts that may come.
 
@@ -88,6 +104,8 @@ class NestChoice:
             Name of the fixture.
         others
             The other parts, and the screws.
+        attempt
+            Calls a function, and interrupts it at a share of the time limit.
         is_fixed
             True for a base in place from the start, which nothing pushes.
         """
@@ -99,9 +117,10 @@ class NestChoice:
             if not self._raise_m:
                 pushed = explain_need(base.part, others, self._relation, self._up)
                 reason = "" if pushed is None or is_fixed else pushed
-            self._cut[key], self.why_none = None, ""
+            self._cut[key] = None, _NO_TIME if reason else ""
             if reason:
-                self._cut[key], self.why_none = cut_task_nest(
+                cut = partial(
+                    cut_task_nest,
                     name,
                     reason,
                     base.part,
@@ -110,7 +129,9 @@ class NestChoice:
                     is_shallow=self._is_shallow,
                     raise_m=self._raise_m,
                 )
-        return self._cut[key]
+                self._cut[key] = attempt(cut, _SHARE) or self._cut[key]
+        nest, self.why_none = self._cut[key]
+        return nest
 
     def retreat(self, words: str) -> None:
         """Take a shallow nest, or else none.
@@ -210,17 +231,14 @@ def cut_task_nest(
     """
     axis = np.asarray(up)
     low_m, high_m = ((base.vertices_m @ axis).min(), (base.vertices_m @ axis).max())
-    seated, room, free = [base], [_get_body(base)], list[KeepFree]()
-    usual = NestSettings()
+    seated, usual = [base], NestSettings()
     for coming in others:
         lowest_m = float((coming.part.vertices_m @ axis).min())
-        body = _get_body(coming.part)
-        aside = [way for way in coming.ways if float(np.dot(way, up)) > -_DOWN]
-        free += [keep_way_free([body], way, up, usual.clearance_m) for way in aside]
-        if not aside:
-            room.append(body)
-            if coming.stands and abs(lowest_m - low_m) < _LEVEL_M:
-                seated.append(coming.part)
+        if coming.stands and coming.comes_down(up) and abs(lowest_m - low_m) < _LEVEL_M:
+            seated.append(coming.part)
+    ways = (Way((coming.part,), coming.ways) for coming in others)
+    room, free = divide_room(ways, up, usual.clearance_m)
+    room = [get_body(base), *room]
     count = sum(len(triangles) for _, triangles in room)
     if count > _MOST_TRIANGLES:
         return None, f"it is not cut at import for {count:,} triangles; `skillplan nest` cuts one"
@@ -238,14 +256,10 @@ def cut_task_nest(
         pin_m=0.0,
     )
     try:
-        nest = build_nest(room, settings, up, free)
+        nest, check = build_checked_nest(seated, room, settings, up, free, _SAMPLES)
     except OptionError as error:
         return None, str(error)
-    bodies = [_get_body(part) for part in seated]
-    check = check_nest(bodies, nest, free, most=_SAMPLES)
     faults = list(check.faults)
-    if len(room) > len(seated):
-        faults += check_nest(room, nest, free, stands=False, most=_SAMPLES).faults
     if check.held_by_walls:
         faults.append("it would lean against a wall of the nest")
     files = format_nest_files(name, drop_bad_coarse(room, nest, free))
@@ -262,7 +276,3 @@ def cut_task_nest(
     paths = {f"{NEST_FOLDER}/{file}": content for file, content in files.items()}
     names = tuple(part.name for part in seated)
     return TaskNest(name, reason, names, (x, y, z), paths, entry), ""
-
-
-def _get_body(part: Part) -> Body:
-    return part.vertices_m, part.triangles

@@ -42,8 +42,6 @@ _MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
 _STOPPED_SHARES = 0.9, 1.05
 # Reasons of parts that may be brought in another orientation.
 _RETRIED = ("no grasp", "unreachable", "no order")
-# Share of the time limit at which cutting a nest is interrupted.
-_NEST_SHARE = 0.7
 # Cosine of two directions that are one.
 _ALONG = 0.999
 
@@ -385,10 +383,7 @@ class _TaskBuilder:
             return
         is_fixed, coming = base in self._holds.fixed, comings.pop(base)
         others = tuple(comings.values())
-        nest = watch.attempt(
-            lambda: nests.choose(writer.name_nest(), coming, others, is_fixed=is_fixed),
-            _NEST_SHARE,
-        )
+        nest = nests.choose(writer.name_nest(), coming, others, watch.attempt, is_fixed=is_fixed)
         if nest is not None:
             writer.seat(nest)
 
