@@ -60,6 +60,8 @@ _HALVINGS = 6
 _CORNERS = 48
 # Smallest depth that is no rounding error, in metres and in radii.
 _NOISE_M, _NOISE = 1e-6, 1e-4
+# Volume below which a body is a film that a cut leaves [mm3].
+_FILM_MM3 = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -383,10 +385,15 @@ def _build_frame(axis: Points) -> Points:
 
 
 def _replace_solid(part: Part, solid: Any, frame: Points, origin_m: Points) -> Part:
-    """Return a part with the shape of a solid in millimetres."""
-    mesh = solid.to_mesh64()
-    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3] / 1000 @ frame + origin_m
-    triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
+    """Return a part with the shape of a solid in millimetres, without films that a cut leaves."""
+    bodies = solid.decompose()
+    whole = [body for body in bodies if abs(body.volume()) >= _FILM_MM3]
+    meshes = [body.to_mesh64() for body in (whole if len(whole) < len(bodies) else [solid])]
+    points = [np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3] for mesh in meshes]
+    starts = np.cumsum([0, *(len(own) for own in points[:-1])])
+    corners = [np.asarray(mesh.tri_verts, dtype=np.int64) for mesh in meshes]
+    vertices = np.concatenate(points) / 1000 @ frame + origin_m
+    triangles = np.concatenate([own + start for own, start in zip(corners, starts, strict=True)])
     faces = fit_faces(vertices, triangles)
     return replace(part, vertices_m=vertices, triangles=triangles, faces=faces)
 

@@ -64,6 +64,8 @@ TIPS_PROFILE_M = (
 _GOOD_M2, _NEAR_M = 6e-6, 0.012
 # Least share of the product's mass of a part that stands there from the start, next to the base.
 _FRAME_SHARE = 0.15
+# Height up to which a part stands on the table [m].
+_GROUND_M = 2e-4
 LONG_ARM = "ur10e"
 """Arm to try if a place is out of reach."""
 
@@ -303,6 +305,10 @@ class PartHolds:
             self._base = max(grounded, key=lambda name: self._get_part(name).mass_kg)
         unheld: dict[str, LeftOut] = {}
         for name in bearing.order:
+            if name in self.fixed and not self._rests(name):
+                why = f"{self.fixed.pop(name)}; nothing bears it there before other parts come"
+                unheld[name] = LeftOut(name, "no grasp", why)
+                continue
             if name in self._chosen or name in self.fixed:
                 continue
             part = self._get_part(name)
@@ -419,15 +425,24 @@ class PartHolds:
         """Put the base, or a heavy part on it, in place from the start; False for other parts."""
         if name in self._relation.driven:
             return False
-        if name != self._base and not self._is_frame(name):
+        if not self._rests(name) or (name != self._base and not self._is_frame(name)):
             return False
         self.fixed[name] = f"stands in place from the start: it {words}"
         return True
 
+    def _rests(self, name: str) -> bool:
+        """Return whether a part stands on the table or on fixed parts alone: it is there first."""
+        bearers = self._on.get(name, ())
+        if bearers:
+            return all(bearer in self.fixed for bearer in bearers)
+        low_m = [self._find_low_m(other) for other in self._order]
+        return self._find_low_m(name) < min(low_m) + _GROUND_M
+
+    def _find_low_m(self, name: str) -> float:
+        return float(self._upright.of(name).bottom(self._get_part(name))[2])
+
     def _is_frame(self, name: str) -> bool:
-        """Return whether a part is heavy, is needed, and stands on the table or on fixed parts."""
-        if any(bearer not in self.fixed for bearer in self._on.get(name, ())):
-            return False
+        """Return whether a part is heavy, and others need it."""
         whole_kg = sum(part.mass_kg for part in self._product)
         joins = {join for fastener in self._relation.fasteners for join in fastener.joins}
         needed = joins.union(*self._on.values())

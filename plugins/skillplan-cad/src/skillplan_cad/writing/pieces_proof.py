@@ -32,6 +32,8 @@ _COARSE_M = 3e-4
 # Share of a clearance that pieces may fill.
 _CLEARANCE_SHARE = 0.2
 _FINE_SHARE = 0.5
+# Share of the time limit at which cutting is interrupted, so that trials have the rest.
+_CUTTING_SHARE = 0.7
 _SAME_M = 1e-6
 # Distance of vertices that mesh files round to the same [m].
 _ROUNDED_M = 5e-8
@@ -132,7 +134,9 @@ class PieceProof:
         self._fine: set[str] = set()
 
     def prove(self, meshes: Mapping[str, Sequence[Mesh]]) -> ProvedPieces:
-        """Return the pieces of some parts, without the parts that a request to stop came before.
+        """Return the pieces of some parts, without those that are not cut in their share of time.
+
+        Simple parts come first, so that one that takes long costs no other.
 
         Parameters
         ----------
@@ -140,14 +144,17 @@ class PieceProof:
             Meshes by part name, upright, relative to the centre of the part's bottom [m].
         """
         new = [name for name in meshes if name not in self._loosened]
+        new.sort(key=lambda name: sum(len(triangles) for _, triangles in meshes[name]))
         pieces_of: dict[str, tuple[Pieces, ...]] = {}
         for number, name in enumerate(new, 1):
             if self._watch.must_stop():
                 break
             self._watch.report(f"writing: convex pieces of {name}, {number} of {len(new)} parts")
-            self._meshes[name] = meshes[name]
-            pieces_of[name] = self._cutter.pieces(self._get_part(name), meshes[name], _COARSE_M)
-            self._loosen(name, pieces_of[name])
+            pieces = self._cut(name, meshes[name], _COARSE_M)
+            if pieces is None:
+                break
+            self._meshes[name], pieces_of[name] = meshes[name], pieces
+            self._loosen(name, pieces)
         if pieces_of:
             self._test(pieces_of.keys())
             wrong = {name for pair in self._wrong for name in (pair.part, pair.by)}
@@ -164,11 +171,21 @@ class PieceProof:
             if self._watch.must_stop():
                 break
             self._watch.report(f"writing: finer pieces of {name}, {number} of {len(names)} parts")
-            pieces = self._cutter.pieces(self._get_part(name), self._meshes[name], fine_m)
+            pieces = self._cut(name, self._meshes[name], fine_m)
+            if pieces is None:
+                break
             self._loosen(name, pieces)
             changed.append(name)
         if changed:
             self._test(changed)
+
+    def _cut(
+        self, name: str, meshes: Sequence[Mesh], allowed_m: float
+    ) -> tuple[Pieces, ...] | None:
+        """Return the pieces of a part, or None if the share of the time is over before."""
+        return self._watch.attempt(
+            lambda: self._cutter.pieces(self._get_part(name), meshes, allowed_m), _CUTTING_SHARE
+        )
 
     def _loosen(self, name: str, pieces: tuple[Pieces, ...]) -> None:
         """Keep the pieces of a part with play beside the parts that are in place before."""
