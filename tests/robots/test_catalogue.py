@@ -146,7 +146,7 @@ FACTS = {
     "m710ic_50": (
         50,
         2.05,
-        ((-180, 180), (-90, 135), (-160, 280), (-360, 360), (-125, 125), (-360, 360)),
+        ((-180, 180), (-90, 135), (-80.5, 205), (-360, 360), (-125, 125), (-360, 360)),
         (175, 175, 175, 250, 250, 355),
         (1.341, 0.0, 1.605),
         (1.3758, 0.1551, 0.6933),
@@ -177,7 +177,7 @@ def test_the_catalogue_has_these_arms_the_default_first():
 
 @pytest.mark.parametrize("name", sorted(FACTS))
 class TestArm:
-    def test_payload_reach_ranges_and_speeds_are_those_of_the_data_sheet(self, name):
+    def test_payload_reach_ranges_and_speeds_are_those_of_the_sources(self, name):
         payload_kg, reach_m, ranges_deg, speeds_deg, _, _ = FACTS[name]
         arm, _ = ARMS[name]
         assert (arm.payload_kg, arm.reach_m) == (payload_kg, reach_m)

@@ -43,7 +43,7 @@ GRIPPERS: Mapping[str, float | None] = {
     "long_jaws": None,
     "wide_jaws": None,
 }
-"""Grippers of the catalogue from light to heavy, with the payload that their makers state [kg]."""
+"""Grippers of the catalogue from light to heavy, with their payload in a reseller's table [kg]."""
 
 DRIVER, SOCKETS = "screwdriver", ("socket", "socket_2")
 """Tools of screws, and of nuts that go over standing bolts, by size."""
