@@ -22,6 +22,7 @@ from skillplan_cad import (
     Planner,
     Product,
     ReadOptions,
+    TaskTrials,
     Watch,
     assemble_relation,
     assign_task_names,
@@ -398,6 +399,69 @@ def test_a_level_screw_comes_down_behind_the_roof_above_it():
     task = assembled(("block", walls - screw), ("M4 screw", screw))
     assert task.left_out == {}
     assert task.document["screws"]["M4_screw"]["insert_m"] == pytest.approx(0.075, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_part_that_falls_in_the_trial_gets_a_support_if_supports_are_allowed():
+    """A beam of which two thirds overhang; the supports that the import found are withheld."""
+    beam = box(40, 10, 20, 140, 30, 30)
+    solids = ("base", box(0, 0, 0, 60, 40, 20)), ("beam", beam)
+    product = Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)
+    known = related(product)
+    bearing = replace(find_best_bearing(product, known, holding=True), held=())
+    plan = Planner(product, known).plan(None, bearing.up, ["base"])
+    task = build_task(product, known, plan, bearing=bearing, holding=True)
+    assert task.left_out == {}
+    assert task.document["holders"]["hold_beam"]["parts"] == ["beam"]
+    assert task.skills[-1] == "place(beam)"
+    bare = build_task(product, known, plan, bearing=bearing)
+    assert "beam would tip off base" in bare.left_out["beam"].text
+
+
+@pytest.mark.slow
+def test_a_part_that_is_blocked_itself_is_tried_with_one_tool():
+    """The relation is that of a pocket without the lip above the foot of the part."""
+    foot = box(20.2, 10.2, 10, 39.8, 29.8, 18) + box(20.2, 10.2, 10, 28, 29.8, 70)
+    pocket = box(0, 0, 0, 60, 40, 30) - box(20, 10, 10, 40, 30, 30)
+    free, roofed = (
+        Product("p", (part_of("base", base), part_of("foot", foot)), "mm", 0.0)
+        for base in (pocket, pocket + box(32, 5, 22, 45, 35, 30))
+    )
+    known = related(free)
+    bearing = find_best_bearing(free, known)
+    plan = Planner(free, known).plan(None, bearing.up, ["base"])
+    watch = NotedTrials()
+    task = build_task(roofed, known, plan, bearing=bearing, watch=watch)
+    assert "foot runs into base" in task.left_out["foot"].text
+    assert [part for part in watch.tried if part == "foot"] == ["foot"]
+
+
+class NotedTrials(Watch):
+    """Notes the parts whose trial is reported."""
+
+    def __init__(self):
+        super().__init__()
+        self.tried = []
+
+    def report(self, text):
+        before, trying, after = text.partition("writing: trying ")
+        if trying and not before:
+            self.tried.append(after.partition(",")[0])
+
+
+@pytest.mark.slow
+def test_a_part_that_a_new_layout_puts_out_of_reach_is_tried_again():
+    solids = {"base": box(0, 0, 0, 60, 40, 20), "plate": box(0, 0, 20, 60, 40, 30)}
+    task = build_task(*relate(product_of(solids)))
+    (feeder,) = task.document["feeders"]
+    far = {**task.document, "feeders": {feeder: {"position_m": [0.8, 0.0]}}}
+    with TaskTrials(Watch()) as trials:
+        first = trials.try_task(task.document, task.files, ["base", "plate"])
+        again = trials.try_task(far, task.files, ["base", "plate"])
+        assert trials.granted == {"base"}
+    assert not first.failures
+    assert again.failures.keys() == {"plate"}
+    assert "beyond what the arm spans" in again.failures["plate"].text
 
 
 def test_a_base_beyond_the_payload_stands_in_place_and_another_part_is_left_out():

@@ -82,6 +82,7 @@ from .writing.task_document import Item as Item
 from .writing.task_document import assign_task_names as assign_task_names
 from .writing.task_document import build_tool_entries as build_tool_entries
 from .writing.task_document import lay_out_table as lay_out_table
+from .writing.trial import TaskTrials as TaskTrials
 from .writing.upright import place_upright as place_upright
 
 __version__: str
@@ -119,6 +120,7 @@ __all__ = [
     "Sequencer",
     "Stability",
     "StepContent",
+    "TaskTrials",
     "Watch",
     "add_groups",
     "add_turns",
