@@ -392,6 +392,17 @@ class TestMending:
         assert result.open_edges == 0
         assert result.bodies.max() == 0
 
+    def test_a_body_beside_one_that_is_inside_out_is_no_cavity(self):
+        """Whichever of both has the larger volume."""
+        for size in (4, 20):
+            beside, turned = box((size, size, size), (30, 0, 0)), box()
+            turned.invert()
+            both = trimesh.util.concatenate([beside, turned])
+            result = mend(RawPart("pair", (), np.asarray(both.vertices), np.asarray(both.faces)))
+            whole = trimesh.Trimesh(result.part.vertices_m, result.part.triangles, process=False)
+            assert result.bodies.max() == 1
+            assert whole.volume == pytest.approx(1000 + size**3)
+
 
 def test_shapes_are_found_whatever_their_place_and_tessellation():
     """Turned, moved, mirrored; a cube of one kind of triangles and of another."""
