@@ -124,7 +124,7 @@ def find_added_parts(task: Task, skills: Sequence[str]) -> list[AddedPart]:
             if visit.event in (Event.RELEASE, Event.DRIVE):
                 directions[visit.subject] = visit.along
             elif visit.event is Event.TURN:
-                # What is in place turns with the directions in which it came.
+                # Placed parts turn with the directions in which they came.
                 workholder = task.scene.find_workholder(visit.subject)
                 begin, end = workholder.find_orientation(state), f"turned({visit.subject})"
                 turned = workholder.turn(begin, end, 1.0)

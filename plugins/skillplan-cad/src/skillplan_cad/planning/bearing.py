@@ -353,7 +353,7 @@ class _Standing:
     def _list_groups(
         self, present: Collection[str], lost: Collection[str]
     ) -> list[tuple[set[str], bool]]:
-        """Return the connected groups of parts, and whether each touches what is left out.
+        """Return the connected groups of parts, and whether each touches a left-out part.
 
         Parameters
         ----------
