@@ -23,6 +23,7 @@ from skillplan_cad import (
     compute_thread_depth_m,
     find_blocked,
     find_joints,
+    list_thinned,
     read_product,
     relieve_fits,
 )
@@ -227,6 +228,21 @@ def test_a_press_fit_does_not_hide_that_the_shoulder_is_sunk(tmp_path):
     result = contact(tmp_path)
     assert result.interferes
     assert result.overlap_depth_m == pytest.approx(1e-3, rel=0.01)
+
+
+def test_of_a_sunk_part_and_a_pressed_one_each_is_told_for_what_it_is_thinner(tmp_path):
+    """A chip sunk in the face of a pressed pin, whose other end is sunk in a bar."""
+    chip, bar = block((4, 4, 3)), block((6, 6, 100))
+    chip.apply_translation((0, 0, 26.3))
+    bar.apply_translation((0, 0, -59.8))
+    product = read_product(write(tmp_path, 10.02, chip=chip, bar=bar), ReadOptions("mm"))
+    joints = find_joints(product, TOLERANCE_M, "cylinders", "unscrew")
+    loose = relieve_fits(product, joints.contacts, joints.fasteners, TOLERANCE_M, 1e-4)
+    thinned = list_thinned(product, joints, TOLERANCE_M, loose)
+    assert {name: [words.split()[1:3] for words in notes] for name, notes in thinned.items()} == {
+        "chip": [["drawn", "sunk"]],
+        "pin": [["drawn", "sunk"], ["written", "with"]],
+    }
 
 
 def test_a_shaft_in_a_core_hole_counts_as_a_thread_and_no_deeper(tmp_path):

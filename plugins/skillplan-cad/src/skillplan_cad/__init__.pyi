@@ -12,6 +12,7 @@ from .importing.planned import choose_attitude as choose_attitude
 from .importing.planned import find_common_pattern as find_common_pattern
 from .importing.planned import list_attitude_warnings as list_attitude_warnings
 from .importing.planned import list_stuck as list_stuck
+from .importing.planned import list_thinned as list_thinned
 from .importing.settings import ImportSettings as ImportSettings
 from .importing.settings import parse_settings as parse_settings
 from .joints.fastener_names import recognise_kind as recognise_kind
@@ -160,6 +161,7 @@ __all__ = [
     "list_members",
     "list_names",
     "list_stuck",
+    "list_thinned",
     "mend",
     "parse_material",
     "parse_settings",

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from skillplan.robots.catalogue import DEFAULT_ARM
+from skillplan_cad.build_relation import Joints
 from skillplan_cad.importing.exploded import AddedBody, place_bodies
 from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
@@ -27,7 +28,7 @@ from skillplan_cad.planning.replay import Replay, replay
 from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.product_reader import fits_pattern, read_finer
-from skillplan_cad.relation import LeftOut, Relation
+from skillplan_cad.relation import Contact, LeftOut, Relation
 from skillplan_cad.relation_file import format_relation
 from skillplan_cad.writing.arm_choice import (
     AUTO_ARM,
@@ -443,17 +444,7 @@ def _write_task(
     product, relation, joints = findings.relieved, findings.relation, findings.joints
     tolerance_m = settings.tolerance_mm / 1000
     loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
-    sunk = {
-        name
-        for contact in joints.contacts
-        for name in contact.parts
-        if contact.fit and contact.fit.kind == "sunk"
-    }
-    remarks = {
-        thinner.name: _CUT_BACK if thinner.name in sunk else _LOOSE
-        for drawn, thinner in zip(findings.product, loose, strict=True)
-        if drawn is not thinner
-    }
+    remarks = list_thinned(findings.product, joints, tolerance_m, loose)
     arm, longer, known = settings.robot, None, KnownHolds()
     if arm == AUTO_ARM:
         placed = [part for part in loose if part.name in bearing.order]
@@ -502,6 +493,32 @@ def _write_task(
         wholes = [key for key, part in grouped.document["parts"].items() if "made_of" in part]
         lines.append(f"built at stations of their own, then placed as one: {', '.join(wholes)}")
     return grouped
+
+
+def list_thinned(
+    product: Product, joints: Joints, tolerance_m: float, loose: Product
+) -> dict[str, tuple[str, ...]]:
+    """Return clauses on the parts that are thinner than drawn: in press fits, in their seats.
+
+    Parameters
+    ----------
+    loose
+        The product with all of these thinned.
+    """
+    contacts_of: dict[str, list[Contact]] = {}
+    for contact in joints.contacts:
+        if contact.fit is not None and contact.kind != "thread":
+            words = _CUT_BACK if contact.fit.kind == "sunk" else _LOOSE
+            contacts_of.setdefault(words, []).append(contact)
+    remarks: dict[str, tuple[str, ...]] = {}
+    for words, contacts in contacts_of.items():
+        thinned = loose
+        if len(contacts_of) > 1:
+            thinned = relieve_fits(product, contacts, joints.fasteners, tolerance_m, PLAY_M)
+        for drawn, thinner in zip(product, thinned, strict=True):
+            if drawn is not thinner:
+                remarks[drawn.name] = (*remarks.get(drawn.name, ()), words)
+    return remarks
 
 
 def _describe_nest(nest: TaskNest) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -53,7 +53,7 @@ def build_task(
     robot: str = "panda",
     bearing: Bearing | None = None,
     without: Mapping[str, LeftOut] | None = None,
-    remarks: Mapping[str, str] | None = None,
+    remarks: Mapping[str, Sequence[str]] | None = None,
     others: Iterable[Bearing] | None = None,
     watch: Watch | None = None,
     longer: str | None = None,
@@ -224,7 +224,7 @@ class _TaskBuilder:
         plan: AssemblyPlan,
         robot: str,
         bearing: Bearing,
-        remarks: Mapping[str, str],
+        remarks: Mapping[str, Sequence[str]],
         known: KnownHolds,
         *,
         holding: bool,

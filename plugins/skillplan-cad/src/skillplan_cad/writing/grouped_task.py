@@ -67,7 +67,7 @@ def build_grouped_task(
     ungrouped: WrittenTask,
     robot: str,
     without: Mapping[str, LeftOut],
-    remarks: Mapping[str, str],
+    remarks: Mapping[str, Sequence[str]],
     watch: Watch,
     *,
     holding: bool,
@@ -339,7 +339,7 @@ def _build_group(
     group: Group,
     up: Vector,
     robot: str,
-    remarks: Mapping[str, str],
+    remarks: Mapping[str, Sequence[str]],
     watch: Watch,
     nesting: bool,
 ) -> WrittenTask | None:

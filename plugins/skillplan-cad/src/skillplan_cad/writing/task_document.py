@@ -878,7 +878,7 @@ class TaskWriter:
     bearing: Bearing
     robot: str
     left_out: Mapping[str, LeftOut]
-    remarks: Mapping[str, str]
+    remarks: Mapping[str, Sequence[str]]
     holds: PartHolds
     shared: SharedMeshes
     before: Places | None = None
@@ -964,9 +964,10 @@ class TaskWriter:
             elif alike[feeder] == 1:
                 self._note(name, _PRESENTED)
         for name in self.names:
-            for notes in (self.remarks, self.holds.fixed):
-                if name in notes:
-                    self._note(name, notes[name])
+            for words in self.remarks.get(name, ()):
+                self._note(name, words)
+            if name in self.holds.fixed:
+                self._note(name, self.holds.fixed[name])
         if self.nest is not None:
             files |= {path: text for path, text in self.nest.files.items() if isinstance(text, str)}
         document = self._build_document(parts, screws)
