@@ -25,6 +25,8 @@ SOLIDS = {
     - box(-10.3, -3.5, 14, 20, 3.5, 30),
     "key": box(-9.8, -6, 10, 19.8, 6, 14) + box(-9.8, -3, 14, 19.8, 3, 44),
 }
+# A part on the base that has the name of the group's nest.
+CUBE = {"body_group_nest": box(-44, 16, 0, -32, 28, 15)}
 
 
 def test_parts_whose_neighbour_is_in_the_way_of_each_leave_together():
@@ -35,7 +37,8 @@ def test_parts_whose_neighbour_is_in_the_way_of_each_leave_together():
     (group,) = find_parted_groups(product, relation, bearing, ())
     assert (group.parts, group.along) == (("body", "key"), (0.0, 0.0, -1.0))
     assert find_parted_groups(product, relation, bearing, ("key",)) == []
-    joined = join_groups(product, relation, Planner(product, relation).plan("base"), [group], UP)
+    plan = Planner(product, relation).plan("base")
+    joined = join_groups(product, relation, plan, [group], UP)
     assert joined.relation.names == ("base", "body group")
     (contact,) = joined.relation.contacts
     assert contact.parts == ("base", "body group")
@@ -44,13 +47,16 @@ def test_parts_whose_neighbour_is_in_the_way_of_each_leave_together():
     up = joined.relation.directions.index(UP)
     assert joined.relation.blockers("body group", up) == ()
     assert joined.relation.blockers("base", up) == ("body group",)
+    crowded = Product("slot", (*product, part_of("body group", box(60, 0, 0, 70, 9, 9))), "mm", 0.0)
+    joined = join_groups(crowded, related(crowded), plan, [group], UP)
+    assert joined.relation.names == ("base", "body group_2", "body group")
 
 
 @pytest.mark.slow(reason="reads a product, plans it and simulates the plan")
 def test_a_group_is_built_in_a_nest_of_its_own_and_placed_as_one_part(capsys, tmp_path):
-    """Planned with proof, and executed to the end by MuJoCo."""
+    """Planned with proof, and executed to the end by MuJoCo; names of other parts stay theirs."""
     (tmp_path / "slot").mkdir()
-    for name, solid in SOLIDS.items():
+    for name, solid in (SOLIDS | CUBE).items():
         mesh = solid.to_mesh()
         trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts).export(
             tmp_path / "slot" / f"{name}.stl"
@@ -58,11 +64,11 @@ def test_a_group_is_built_in_a_nest_of_its_own_and_placed_as_one_part(capsys, tm
     out = tmp_path / "out"
     options = ["--unit", "mm", "--up", "z", "--out", str(out), "--no-cache"]
     assert run(["import-cad", str(tmp_path / "slot"), *options, "--format", "json"]) == 0
-    assert json.loads(capsys.readouterr().out)["summary"]["in_task"] == ["base", "body", "key"]
+    assert {*json.loads(capsys.readouterr().out)["summary"]["in_task"]} == {*SOLIDS, *CUBE}
     task = yaml.safe_load((out / "product.yaml").read_text())
     assert task["parts"]["body_group"]["made_of"] == ["body", "key"]
-    assert task["parts"]["body"]["goal_on"] == ["body_group_nest"]
-    assert (out / "nests" / "body_group_nest.stl").exists()
+    assert task["parts"]["body"]["goal_on"] == ["body_group_nest_2"]
+    assert (out / "nests" / "body_group_nest_2.stl").exists()
     assert run(["search-optimal", str(out / "product.yaml"), "--out", str(out / "plan")]) == 0
     capsys.readouterr()
     result = str(out / "plan" / "result.json")

@@ -28,6 +28,7 @@ from skillplan_cad.writing.task_document import (
     Item,
     TaskNest,
     WrittenTask,
+    find_free_name,
     format_task,
     lay_out_table,
 )
@@ -212,7 +213,10 @@ def join_groups(
     up: Vector,
 ) -> Joined:
     """Return a product, its relation and its plan with each group as one part."""
-    wholes = {f"{group.parts[0]} group": group for group in groups}
+    taken = {part.name for part in product}
+    wholes: dict[str, Group] = {}
+    for group in groups:
+        wholes[find_free_name(f"{group.parts[0]} group", taken | wholes.keys())] = group
     whole_of = {part: name for name, group in wholes.items() for part in group.parts}
     shape = max(part.shape for part in product)
     joined = {
@@ -392,7 +396,13 @@ class _Merger:
         self._members = _list_brought(own.skills)
         part = joined.product.parts[joined.product.index(name)]
         self._part, self._station = part, np.asarray(own.upright.bottom(part))
-        self._nest = None if own.nest is None else _rename_nest(own.nest, f"{self._key}_nest")
+        self._nest = None if own.nest is None else _rename_nest(own.nest, self._name_nest())
+
+    def _name_nest(self) -> str:
+        documents = self._whole.document, self._own.document
+        nouns = (noun for document in documents for noun in document.values())
+        taken = {name for noun in nouns if isinstance(noun, Mapping) for name in noun}
+        return find_free_name(f"{self._key}_nest", taken)
 
     def merge(self) -> WrittenTask | None:
         """Return the merged task, its order unchecked; None if names or places do not fit."""
@@ -508,8 +518,9 @@ class _Merger:
         limits |= own.limits
         for name in members:
             limits[name] = (*limits.get(name, ()), _BUILT.format(whole=self._key))
-        gone = (f"meshes/{self._key}.", f"meshes/{self._key}_")
-        files = {path: text for path, text in whole.files.items() if not path.startswith(gone)}
+        meshes = whole.document["parts"][self._key]["meshes"]
+        gone = {mesh.get(key) for mesh in meshes for key in ("file", "pieces")}
+        files = {path: text for path, text in whole.files.items() if path not in gone}
         files |= {path: text for path, text in own.files.items() if path.startswith("meshes/")}
         nests = whole.station_nests
         if self._nest is not None:

@@ -90,14 +90,18 @@ def assign_task_names(names: Iterable[str], taken: Iterable[str] = ()) -> Mappin
         plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_") or "part"
         if not plain[0].isalpha():
             plain = f"part_{plain}"
-        plain = plain[:_LONGEST]
-        new, number = plain, 2
-        while new in seen:
-            end = f"_{number}"
-            new, number = f"{plain[: _LONGEST - len(end)]}{end}", number + 1
-        seen.add(new)
-        task_name_of[name] = new
+        task_name_of[name] = find_free_name(plain, seen)
+        seen.add(task_name_of[name])
     return task_name_of
+
+
+def find_free_name(name: str, taken: Collection[str]) -> str:
+    """Return a name, with a number at its end if it is taken."""
+    new, number = name[:_LONGEST], 2
+    while new in taken:
+        end = f"_{number}"
+        new, number = f"{name[: _LONGEST - len(end)]}{end}", number + 1
+    return new
 
 
 Place = tuple[float, float]
@@ -932,7 +936,7 @@ class TaskWriter:
     def name_nest(self) -> str:
         """Return the name of the nest as a fixture."""
         taken = {*_HOLDER_OF, self.robot, "world", "home", *self.names.values()}
-        return assign_task_names(["nest"], taken | set(self.places.feeders.values()))["nest"]
+        return find_free_name("nest", taken | set(self.places.feeders.values()))
 
     def seat(self, nest: TaskNest) -> None:
         """Put the product into a nest, which stands on the table."""
