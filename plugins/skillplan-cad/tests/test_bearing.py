@@ -18,6 +18,7 @@ from skillplan_cad import (
     LeftOut,
     Planner,
     Product,
+    Watch,
     add_turns,
     build_task,
     choose_attitude,
@@ -192,6 +193,17 @@ def test_a_turn_holds_what_no_screw_joins_to_the_base():
         assert "lid" not in bearing.turned
 
 
+def test_a_part_that_goes_in_early_does_not_wait_for_a_turn_to_save_a_support():
+    solids = hollow_body() | {"lid": box(0, 0, 30, 60, 60, 34), "cap": box(20, 20, 34, 40, 40, 44)}
+    product = product_of(**solids)
+    known = related(product)
+    alone = find_bearing(product, known, UP, holding=True)
+    assert {"lid", "cap"} <= add_turns(product, known, alone).turned.keys()
+    bearing = add_turns(product, known, alone, early=("lid", "cap"))
+    assert bearing.turned == dict.fromkeys(("cover", "screw_1", "screw_2"), ATTITUDES["-z"])
+    assert bearing.held == ("body", "lid", "cap")
+
+
 def test_a_product_that_comes_from_above_is_not_turned():
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     alone = borne(product)
@@ -210,6 +222,42 @@ def test_a_written_turn_is_checked_and_brings_all_parts():
     assert task.document["holders"].keys() == {"hold_body"}
     orientations = {name: entry["orientation"] for name, entry in task.document["parts"].items()}
     assert orientations == {"body": "up", "cover": "down"}
+
+
+@pytest.mark.slow(reason="tries grasps and turns with swept; which parts wait in every run")
+def test_a_part_that_fails_after_a_turn_for_which_it_waited_goes_in_before_it():
+    """Upside down, the cap would wait in the air for the lid, and runs into the body."""
+    solids = hollow_body() | {"lid": box(0, 0, 30, 60, 60, 34), "cap": box(20, 20, 34, 40, 40, 44)}
+    product = product_of(**solids)
+    known = related(product)
+    plan = Planner(product, known).plan()
+    bearing = find_bearing(product, known, UP, holding=True)
+    task = build_task(product, known, plan, bearing=bearing, holding=True, turning=True)
+    assert (task.left_out, task.doubt) == ({}, "")
+    assert task.bearing.get_up("cap") == UP
+
+
+@pytest.mark.slow(reason="tries grasps and a turn with swept; no cheaper case has a turn")
+def test_a_turned_task_without_a_known_order_replaces_none_with_an_order():
+    """Time ends in the search for the order of the turned task."""
+    searches: list[str] = []
+
+    class Stopped(Watch):
+        def report(self, text):
+            if "finding an order" in text:
+                searches.append(text)
+
+    product = product_of(**hollow_body())
+    known = related(product)
+    plan = Planner(product, known).plan()
+    bearing = find_bearing(product, known, UP, holding=True)
+    watch = Stopped(must_stop=lambda: len(searches) > 1)
+    task = build_task(
+        product, known, plan, bearing=bearing, holding=True, turning=True, watch=watch
+    )
+    assert len(searches) == 2
+    assert task.skills
+    assert task.bearing.turned == {}
 
 
 FRAME = box(0, 0, 0, 60, 40, 40) - box(10, -1, 10, 50, 41, 41)

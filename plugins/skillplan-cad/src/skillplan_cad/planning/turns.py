@@ -38,6 +38,7 @@ def add_turns(
     absent: Collection[str] = (),
     base: str | None = None,
     later: Mapping[str, LeftOut] | None = None,
+    early: Collection[str] = (),
 ) -> Bearing:
     """Return a bearing in which the product is turned as long as that brings in further parts.
 
@@ -52,6 +53,8 @@ def add_turns(
         Part that the workholder holds, if it is placed; default: the heaviest.
     later
         Parts and screws that `bearing` lacks because they fail in its orientation, with reasons.
+    early
+        Parts that do not wait for a turn to save a support.
     """
     forces, reasons = share_equilibrium(product, relation), dict(later or {})
     reasons |= {**bearing.why_not, **bearing.undriven}
@@ -69,7 +72,8 @@ def add_turns(
     best = turn(deferred := set(later or {}))
     if len(best.ups) == 1:
         return bearing
-    for name in _list_spared(relation, best, chosen)[:_MOST_TRIED]:
+    spared = [name for name in _list_spared(relation, best, chosen) if name not in early]
+    for name in spared[:_MOST_TRIED]:
         other = turn({*deferred, name})
         if len(other.held) < len(best.held) and _is_as_whole(relation, other, best, absent):
             best = other

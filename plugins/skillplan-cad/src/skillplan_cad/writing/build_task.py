@@ -141,9 +141,8 @@ def build_task(
     for promised, other in ranked[:_MOST_ORIENTATIONS]:
         if promised > most and not watch.must_stop():
             task = build(other, robot, most)
-            weight = _weigh(product, task.names)
-            if weight > most:
-                best, most = task, weight
+            if _is_better(product, task, best):
+                best, most = task, _weigh(product, task.names)
     far = [name for name, reason in best.left_out.items() if reason.kind == "unreachable"]
     if longer is not None and longer != robot and far and not watch.must_stop():
         up = best.bearing.up
@@ -153,7 +152,7 @@ def build_task(
             else find_bearing(product, relation, up, absent, holding=holding)
         )
         task = build(again, longer, most)
-        if _weigh(product, task.names) > most:
+        if _is_better(product, task, best):
             best = task
     if turning and holding and not watch.must_stop():
         best = _turn_product(product, relation, plan, best, absent, build)
@@ -179,7 +178,13 @@ def _turn_product(
         return task
     further = build(turned, task.document["robot"]["model"], most)
     stands = not further.doubt.startswith("turn(")
-    return further if stands and _weigh(product, further.names) > most else task
+    return further if stands and _is_better(product, further, task) else task
+
+
+def _is_better(product: Product, task: WrittenTask, best: WrittenTask) -> bool:
+    """Return whether a task has more of the parts, and an order if the best one has."""
+    is_ordered = bool(task.skills) or not best.skills
+    return is_ordered and _weigh(product, task.names) > _weigh(product, best.names)
 
 
 def _list_promised(
@@ -240,6 +245,8 @@ class _TaskBuilder:
         self._absent: dict[str, LeftOut] = {}
         # Parts that fail in the first orientation, and are tried after a turn.
         self._later: dict[str, LeftOut] = {}
+        # Parts that waited for a turn to save supports, and go in before it as one failed there.
+        self._early: set[str] = set()
         self._begin(bearing)
 
     def _begin(self, bearing: Bearing) -> None:
@@ -435,6 +442,8 @@ class _TaskBuilder:
             and self._bearing.get_up(name) == up
             and name not in self._later
         }
+        early = self._bring_forward(reasons)
+        reasons = {name: reason for name, reason in reasons.items() if name not in early}
         waiting = {n: why for n, why in self._later.items() if n not in reasons and self._turning}
         self._absent |= {**self._later, **reasons}
         self._later = waiting | moved
@@ -443,10 +452,23 @@ class _TaskBuilder:
         bearing = find_bearing(product, relation, up, gone, holding=self._holding)
         if self._turning:
             base, absent = self._plan.base, self._absent
-            bearing = add_turns(product, relation, bearing, absent, base, self._later)
+            bearing = add_turns(product, relation, bearing, absent, base, self._later, self._early)
         order, held = bearing.order, bearing.held
         more = [name for name in self._falling if name in order and name not in held]
         self._bearing = replace(bearing, held=(*held, *more))
+
+    def _bring_forward(self, reasons: Mapping[str, LeftOut]) -> set[str]:
+        """Return the failed parts that waited for a turn; all that did go in before it from now."""
+        if self._early or not self._turning:
+            return set()
+        gone = {**self._absent, **self._later}
+        before = find_bearing(
+            self._product, self._given, self._bearing.up, gone, holding=self._holding
+        )
+        waiting = self._bearing.turned.keys() & set(before.order)
+        failed = {name for name in waiting & reasons.keys() if reasons[name].kind in _RETRIED}
+        self._early = waiting if failed else set()
+        return failed
 
     def _is_in_same_poses(self) -> bool:
         """Return whether all parts go in in the orientations that were begun with."""
