@@ -119,10 +119,11 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     robot.sensed["fastening_force_n"] = float(np.mean(readings))
     robot.unbind()
     holds_product = bool(robot.scene.workholders or robot.scene.holders)
-    if holds_product:
-        # Contacts give back the depth to which the head was pressed.
+    goes_down = is_same_direction(motion.visit.along, DOWN)
+    if holds_product and goes_down:
+        # Contacts give back the depth to which the head was pressed. Other screws would fall.
         robot.wait(_RELAX_S)
-    if holds_product or not is_same_direction(motion.visit.along, DOWN):
+    if holds_product or not goes_down:
         # The thread holds the screw against gravity.
         bearing = world.nearest(screw, through)
         if bearing is not None:
