@@ -25,6 +25,7 @@ from skillplan_cad import (
     find_bearing,
     find_best_bearing,
     list_attitude_warnings,
+    list_turn_lines,
 )
 
 UP = ATTITUDES["z"]
@@ -222,6 +223,11 @@ def test_a_written_turn_is_checked_and_brings_all_parts():
     assert task.document["holders"].keys() == {"hold_body"}
     orientations = {name: entry["orientation"] for name, entry in task.document["parts"].items()}
     assert orientations == {"body": "up", "cover": "down"}
+    assert list_turn_lines(task, {**bearing.why_not, **bearing.undriven}) == [
+        "the product turns until -z points up, for cover, screw_1 and screw_2; without it each of "
+        "screw_1 and screw_2 is driven from below",
+        "the task has 1 turn, the least of those tried",
+    ]
 
 
 @pytest.mark.slow(reason="tries grasps and turns with swept; which parts wait in every run")

@@ -13,6 +13,7 @@ from .importing.planned import find_common_pattern as find_common_pattern
 from .importing.planned import list_attitude_warnings as list_attitude_warnings
 from .importing.planned import list_stuck as list_stuck
 from .importing.planned import list_thinned as list_thinned
+from .importing.planned import list_turn_lines as list_turn_lines
 from .importing.settings import ImportSettings as ImportSettings
 from .importing.settings import parse_settings as parse_settings
 from .joints.fastener_names import recognise_kind as recognise_kind
@@ -162,6 +163,7 @@ __all__ = [
     "list_names",
     "list_stuck",
     "list_thinned",
+    "list_turn_lines",
     "mend",
     "parse_material",
     "parse_settings",

@@ -165,16 +165,16 @@ def command(
             "--no-holders",
             GEOMETRY,
             "Leave out parts that do not stay where they are put, instead of holding them by "
-            "supports of their own.",
+            "supports of their own. The product is not turned then either.",
         ),
     ] = False,
     no_turns: Annotated[
         bool,
-        typer.Option(
+        option(
             "--no-turns",
-            help="Leave out parts and screws that do not come from above in one orientation, "
+            GEOMETRY,
+            "Leave out parts and screws that do not come from above in one orientation, "
             "instead of turning the product on a workholder.",
-            rich_help_panel=GEOMETRY,
         ),
     ] = False,
     thickness: Annotated[

@@ -270,13 +270,18 @@ def list_turn_lines(task: WrittenTask, why: Mapping[str, LeftOut]) -> list[str]:
     lines = []
     for up in task.bearing.ups[1:]:
         names = [n for n, own in task.bearing.turned.items() if own == up and n in task.names]
-        reasons = {why[name].text.partition(":")[0] for name in names if name in why}
-        because = f": without it one {' or '.join(sorted(reasons))}" if reasons else ""
+        needing: dict[str, list[str]] = {}
+        for name in names:
+            if name in why:
+                needing.setdefault(why[name].text.partition(":")[0], []).append(name)
+        reasons = [f"{_name_each(some)} {words}" for words, some in needing.items()]
+        because = f"; without it {', and '.join(reasons)}" if reasons else ""
         lines.append(
             f"the product turns until {_name_axis(up)} points up, for {_name_first(names)}{because}"
         )
     if lines:
-        lines.append(f"{len(lines)} turn{'s' * (len(lines) > 1)}, the least of those tried")
+        turns = f"{len(lines)} turn{'s' * (len(lines) > 1)}"
+        lines.append(f"the task has {turns}, the least of those tried")
     return lines
 
 
@@ -661,7 +666,10 @@ def _plan_and_replay(
 
 
 def _list_lines(plan: AssemblyPlan, again: Replay) -> list[str]:
-    order = [_name_first(step.parts, " with ") for step in plan.steps]
+    order = [
+        f"{first} with {_name_first(others)}" if others else first
+        for first, *others in (step.parts for step in plan.steps)
+    ]
     turns = sum(step.turn for step in plan.steps)
     lines = [f"base {plan.base}: {plan.why_base}"]
     if order:
@@ -669,7 +677,7 @@ def _list_lines(plan: AssemblyPlan, again: Replay) -> list[str]:
         end = f" and {more} more (report.json: plan)" if more > 0 else ""
         lines.append(f"order: {', '.join([plan.base, *order[:_MOST_STEPS]])}{end}")
         lines.append(
-            f"{turns} turn{'' if turns == 1 else 's'} of the product; "
+            f"plan of the product in CAD: {turns} turn{'' if turns == 1 else 's'}; "
             + ("no order costs less" if plan.cheapest else "the best order of those searched")
             + (
                 f"; a replay of exact solids in {again.samples} placements agrees"
@@ -715,12 +723,16 @@ def _warn_of_stuck(stuck: Stuck) -> str:
     )
 
 
-def _name_first(names: Sequence[str], between: str = " and ") -> str:
+def _name_first(names: Sequence[str]) -> str:
     """Return the first of some names in words, and the number of the others."""
     few = _SHOWN // 2
-    if len(names) <= few:
-        return between.join(names)
-    return f"{', '.join(names[:few])}{between}{len(names) - few} more"
+    shown = names if len(names) <= few else (*names[:few], f"{len(names) - few} more")
+    return f"{', '.join(shown[:-1])} and {shown[-1]}" if shown[1:] else "".join(shown)
+
+
+def _name_each(names: Sequence[str]) -> str:
+    """Return the subject of a clause about each of some names."""
+    return f"each of {_name_first(names)}" if len(names) > 1 else names[0]
 
 
 def _list_piece_warnings(pieces: Mapping[str, Any]) -> list[str]:
@@ -740,7 +752,7 @@ def _list_task_warnings(task: WrittenTask, pieces: Mapping[str, Any]) -> list[st
     for name, lines in task.limits.items():
         for words in lines:
             names_of.setdefault(words, []).append(name)
-    limits = [f"{_name_first(names)} {words}." for words, names in names_of.items()]
+    limits = [f"{_name_each(names)} {words}." for words, names in names_of.items()]
     return [
         *(f"check refuses product.yaml: {words}" for words in task.faults),
         *([f"the base has no nest: {task.why_no_nest}."] if task.why_no_nest else []),
