@@ -79,5 +79,8 @@ def test_a_housing_that_is_drawn_as_one_part_comes_as_its_halves_if_it_closes_ot
     names = {part.name for part in analyse(tmp_path, parts)}
     assert names == {"housing.1", "housing.2", "board", "foot"}
     assert len(analyse(tmp_path, parts, uniting=False)) == 3
+    rod = block((1, 1, 20), (14, 0, 0))
+    framed = {**parts, "housing": trimesh.util.concatenate([*halves, rod])}
+    assert "housing" in {part.name for part in analyse(tmp_path, framed)}
     loose = {**parts, "board": block((9, 9, 2), (0, 0, 40))}
     assert "housing" in {part.name for part in analyse(tmp_path, loose)}

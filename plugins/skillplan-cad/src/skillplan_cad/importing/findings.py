@@ -35,7 +35,7 @@ from skillplan_cad.joints.fits import relieve_fits
 from skillplan_cad.planning.assembly_plan import find_groups
 from skillplan_cad.planning.precedence import derive_precedence, list_members
 from skillplan_cad.planning.shrunk_meshes import MeshTree, shrink_mesh
-from skillplan_cad.product import Face, Part, Product, Vector
+from skillplan_cad.product import Face, Part, Product, Vector, make_solid
 from skillplan_cad.reading.mesh_folder import MOST_BYTES as MESH_BYTES
 from skillplan_cad.reading.mesh_folder import UNITS_M, list_mesh_files
 from skillplan_cad.reading.product_reader import ReadOptions, fits_pattern, read_product
@@ -572,6 +572,8 @@ def _report_progress(tell: Tell, product: Product) -> Callable[[int, int], None]
 _ROUNDS, _MOST_BODIES = 4, 8
 # Largest share of the product's parts in one unit.
 _MOST_SHARE = 0.5
+# Least share of each body in the volume of a housing; rods in a frame have less, and stay in it.
+_LEAST_BODY = 0.05
 
 
 def analyse_units(
@@ -661,8 +663,15 @@ def _link(names: Sequence[str], pairs: Sequence[tuple[str, str]]) -> list[tuple[
     return [tuple(name for name in names if name in group) for group in sets if len(group) > 1]
 
 
+def _is_of_shells(part: Part) -> bool:
+    """Return whether each body of a part has a share in its volume as shells of a housing have."""
+    bodies = make_solid(part.vertices_m, part.triangles).decompose()
+    volumes = [volume for body in bodies if (volume := float(body.volume())) > 0]
+    return min(volumes, default=0.0) >= _LEAST_BODY * sum(volumes) > 0
+
+
 def find_closing(product: Product, locked: Iterable[Sequence[str]]) -> str | None:
-    """Return the largest part of a few bodies that holds most of the parts of its locked set."""
+    """Return the largest part of a few shells that holds most of the parts of its locked set."""
     sizes_m3: dict[str, float] = {}
     for lock in locked:
         parts = [product.parts[product.index(name)] for name in lock]
@@ -670,6 +679,7 @@ def find_closing(product: Product, locked: Iterable[Sequence[str]]) -> str | Non
             low, high = part.bounds_m
             others = np.array([other.centre_m for other in parts if other is not part])
             inside = ((others >= low) & (others <= high)).all(axis=1)
-            if 1 < part.bodies <= _MOST_BODIES and 2 * inside.sum() >= len(others):
+            few = 1 < part.bodies <= _MOST_BODIES and 2 * inside.sum() >= len(others)
+            if few and _is_of_shells(part):
                 sizes_m3[part.name] = float(np.prod(high - low))
     return max(sizes_m3, key=sizes_m3.__getitem__, default=None)
