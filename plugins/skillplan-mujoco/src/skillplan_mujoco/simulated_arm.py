@@ -334,8 +334,9 @@ class SimulatedArm(Arm):
         assert self.setpoint is not None
         jacobian, state = self._jacobian, self._state
         mujoco.mj_jacSite(self.world.model, self.world.data, jacobian[:3], jacobian[3:], self._site)
-        state.mass = self.world.data.M[self._entries]
         state.jacobian[:] = jacobian[:, : self._count]
+        state.mass = self.world.data.M[self._entries]
+        state.mass += self._compute_load_mass(self.world, state.jacobian)
         if self.settings.control == "position":
             self._posture = self._find_posture(self.setpoint, self._posture)
             torques_nm = compute_posture_torques(state, self._posture, self._load())

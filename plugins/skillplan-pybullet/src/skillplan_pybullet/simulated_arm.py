@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -220,6 +221,8 @@ class SimulatedArm(Arm):
         rates = np.array([state[1] for state in states])
         lift_n, moment_nm = self._lift()
         terms = self.dynamics.terms(angles, rates)
+        load_mass = self._compute_load_mass(self.world, terms.jacobian)
+        terms = replace(terms, mass=terms.mass + load_mass)
         if self.setpoint.tracks_joints and self.setpoint.joints is not None:
             torques_nm = compute_tracking_torques(
                 terms,

@@ -14,6 +14,7 @@ from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import Point
 from skillplan.task.scene import Body, Pose, Robot
 from skillplan_pinocchio.arm_model import assume_masses
+from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_simulation.kinematics import (
     ArmKinematics,
     TipPose,
@@ -30,6 +31,8 @@ STEP_S = 1 / STEPS_PER_S
 GRAVITY_M_PER_S2 = 9.81
 # Speed of jaws [m/s].
 JAW_SPEED_M_PER_S = 0.05
+# Load whose inertia the drives have to know [kg]; arms of the field are given it, too.
+_HEAVY_KG = 1.0
 # Force that holds jaws open [N].
 _OPENING_FORCE_N = 40.0
 # Minimum moment of inertia of a part: below it, parts between two jaws oscillate at 240 steps a
@@ -179,6 +182,12 @@ class World(Protocol):
 
     def weigh(self, name: str, mass_kg: float) -> None:
         """Change the mass of a body temporarily; its shape stays."""
+
+    def centre(self, name: str) -> Vector:
+        """Return the centre of mass of a body [m], shape (3,)."""
+
+    def inertia_kg_m2(self, name: str) -> Vector:
+        """Return the inertia tensor about the centre of mass in world axes, shape (3, 3)."""
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -360,6 +369,29 @@ class Arm(Protocol):
         step_m = JAW_SPEED_M_PER_S * STEP_S
         left_m = self._jaw_goal_m - self._jaw_target_m
         self._jaw_target_m += max(-step_m, min(step_m, left_m))
+
+    def _compute_load_mass(self, world: World, jacobian: Vector) -> Vector:
+        """Return the share of a heavy load in the mass matrix [kg m2], shape (joints, joints).
+
+        Without it, the drives would swing a wrist with a load as if the wrist were alone.
+
+        Parameters
+        ----------
+        jacobian
+            Jacobian of the tip, linear above angular velocity, shape (6, joints).
+        """
+        count = jacobian.shape[1]
+        mass = np.zeros((count, count))
+        if self.payload_kg < _HEAVY_KG:
+            return mass
+        linear, angular = jacobian[:3], jacobian[3:]
+        tip = self.tip().position
+        for name in self.bears:
+            x, y, z = (world.centre(name) - tip).tolist()
+            moves = linear + times(np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]), angular)
+            tensor = times(world.inertia_kg_m2(name), angular)
+            mass += world.mass_kg(name) * times(moves.T, moves) + times(angular.T, tensor)
+        return mass
 
     def _find_posture(self, setpoint: Setpoint, near_rad: Vector) -> Vector:
         """Return joint angles near some for the target of the tip."""

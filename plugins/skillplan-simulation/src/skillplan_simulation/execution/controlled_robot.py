@@ -380,6 +380,8 @@ class ControlledRobot:
         if self._static.constraint is None:
             name, pushed_n = self._static.name, length(self.world.pushed_n(self._static.name))
             self.unclasp()
+            # A part that slips does not move with the arm.
+            self.arm.bears = tuple(body for body in self.arm.bears if body != name)
             if pushed_n > 0:
                 # It would fly off: nothing else takes up the force of its fit.
                 self.world.push(name, np.zeros(3))
