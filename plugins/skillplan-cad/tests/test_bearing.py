@@ -223,6 +223,7 @@ def test_a_written_turn_is_checked_and_brings_all_parts():
     assert task.document["holders"].keys() == {"hold_body"}
     orientations = {name: entry["orientation"] for name, entry in task.document["parts"].items()}
     assert orientations == {"body": "up", "cover": "down"}
+    assert any(words.startswith("is carried by a workholder") for words in task.limits["body"])
     assert list_turn_lines(task, {**bearing.why_not, **bearing.undriven}) == [
         "the product turns until -z points up, for cover, screw_1 and screw_2; without it each of "
         "screw_1 and screw_2 is driven from below",

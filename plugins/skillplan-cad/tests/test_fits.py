@@ -371,6 +371,8 @@ def test_pins_and_pegs_of_real_fits_go_in_and_the_answer_says_with_which_play(
     assert "pin_2 in block (drawn -0.01 mm)" in sentence
     assert "pin_1 in block (drawn 0.02 mm)" in sentence
     assert "pin_0" not in sentence
+    springs = any("it is on 10 N/mm" in words for words in simulated["not_checked"])
+    assert springs == (engine == "mujoco")
 
 
 @pytest.mark.slow(reason="an import; the parts of it are tested in every run")

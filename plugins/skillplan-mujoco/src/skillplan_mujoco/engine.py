@@ -9,12 +9,15 @@ from skillplan.task.scene import Body
 from skillplan.task.task import Task
 from skillplan_mujoco.cell import Cell
 from skillplan_mujoco.cell_model import build_cell_spec
-from skillplan_mujoco.simulated_arm import SimulatedArm
+from skillplan_mujoco.simulated_arm import SPRING_N_PER_M, SimulatedArm
 from skillplan_mujoco.world import World
 from skillplan_simulation.execution.workcell import Workcell
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.robot_shapes import list_hands, make_tool_body
 from skillplan_simulation.simulating_engine import PerformingEngine, SimulatingEngine, get_versions
+
+# Number of parts that a sentence names.
+_SHOWN = 4
 
 
 class MujocoSimulator:
@@ -84,6 +87,19 @@ class MujocoEngine(PerformingEngine):
             self.options.model_dump(include=set(ExecutionSettings.model_fields))
         )
         return Workcell(self.task, settings, MujocoSimulator(self.task, settings))
+
+    def not_checked(self) -> tuple[str, ...]:
+        """Add the springs on which the hand brings parts into fits; see :meth:`BackEnd`."""
+        sentences = super().not_checked()
+        fits = [(body.name, fit) for body in self.task.scene.bodies for fit in body.fits]
+        on_springs = dict.fromkeys(name for name, fit in fits if not fit.is_led)
+        if not on_springs or self.options.control != "osc" or self.refuses() is not None:
+            return sentences
+        names = (
+            f"{', '.join(list(on_springs)[:_SHOWN])}{' and others' * (len(on_springs) > _SHOWN)}"
+        )
+        stiffness = f"{SPRING_N_PER_M / 1e3:g} N/mm, as of a compliance device"
+        return (*sentences, f"how far the wrist yields in fits of {names}: it is on {stiffness}")
 
     @property
     def basis(self) -> Mapping[str, str]:

@@ -44,7 +44,7 @@ Vector = NDArray[np.float64]
 _NULLSPACE_STIFFNESS_PER_S2 = 400.0
 # Springs of a tip that yields, as of a compliance device [N/m], [N m/rad]; their damping ratio, and
 # steps of control in a step of the world: the hand is light.
-_SPRING_N_PER_M, _SPRING_NM_PER_RAD = 1e4, 200.0
+SPRING_N_PER_M, _SPRING_NM_PER_RAD = 1e4, 200.0
 _SPRING_DAMPING, _SPRING_STEPS = 0.7, 4
 # Share of a joint's lag that position control removes in one step [-].
 _SERVO_SHARE = 0.3
@@ -171,7 +171,7 @@ def _compute_springs(state: ArmState, setpoint: Setpoint, mobility: Vector) -> V
     """
     away, lag = map(np.array, _compute_errors(state, setpoint))
     springs = np.zeros(6)
-    for rows, stiffness in ((slice(0, 3), _SPRING_N_PER_M), (slice(3, 6), _SPRING_NM_PER_RAD)):
+    for rows, stiffness in ((slice(0, 3), SPRING_N_PER_M), (slice(3, 6), _SPRING_NM_PER_RAD)):
         inertia = 3 / sum(mobility.diagonal()[rows].tolist())
         damping = _SPRING_DAMPING * 2 * math.sqrt(stiffness * inertia)
         springs[rows] = stiffness * away[rows] + damping * lag[rows]

@@ -764,6 +764,9 @@ _BELOW_SHANK_M = 0.01
 _COMMENT_WIDTH = 98
 _PRESENTED = "comes from a feeder that presents it, as it does not stand on the table by itself"
 _RAISED = "comes from a feeder that presents it to a hand from its side,"
+_CARRIED = (
+    "is carried by a workholder without a body: its room and that for its supports are not checked"
+)
 _HELD = "is held where it is put by a support of its own, the shape of which is not in the task"
 
 _HEADER = """\
@@ -961,6 +964,8 @@ class TaskWriter:
             self._note(name, words)
         for name in self._list_held():
             self._note(name, _HELD)
+        if self.upright.pivot_m is not None:
+            self._note(next(name for name in self.bearing.order if name in self.names), _CARRIED)
         alike = Counter(self.places.feeders.values())
         for name, feeder in self.places.feeders.items():
             if name in self.raised_m:
