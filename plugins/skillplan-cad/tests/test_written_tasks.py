@@ -103,7 +103,7 @@ def test_what_takes_a_second_hand_or_a_turn_is_told_in_words(written):
     assert task.left_out.keys() == {"nut"}
     assert "is on bolt, which is driven, and no pocket keeps it" in task.left_out["nut"].text
     assert task.limits["nut"] == (
-        "comes after the product was turned over",
+        "comes after a turn in the plan of the product in CAD",
         "must be held once cover is placed, until bolt is",
     )
 

@@ -618,7 +618,7 @@ def list_plan_limits(
     for step in plan.steps:
         for part in step.parts:
             if step.up != up and part not in placed:
-                yield part, "comes after the product was turned over"
+                yield part, "comes after a turn in the plan of the product in CAD"
     for name in [member.name for member in product if member.name not in placed]:
         numbers = [number for number, step in enumerate(plan.steps) if name in step.held]
         if numbers:
