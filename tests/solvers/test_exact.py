@@ -323,7 +323,7 @@ def test_a_plan_is_found_though_all_near_parts_bar_far_ones_for_good():
         return Verdict.feasible(task.facts.none, task.facts.none)
 
     model = model_of(task, fake_back_end(task, answer))
-    plan = search(model, max_labels=1_500).plan
+    plan = search(model, max_labels=6_000).plan
     assert plan is not None
     assert replay(model, [task.skill(name) for name in plan.skills]).complete
 

@@ -88,6 +88,8 @@ def list_questions(
 _TIME_BITS = 40
 # Rounding errors of the costs of paths [units].
 _ROUNDING = convert_to_units(1e-12)
+# Number of expanded states without a plan, after which an order of components is looked for.
+_ORDER_AFTER = 200
 # Greatest number of open labels, next in expansion order, inspected during a check.
 _MOST_OPEN = 32
 
@@ -253,7 +255,7 @@ class _Search:
             self.states += len(known) == 1
             self.expanded += 1
             if self.options.dives and self.expanded > next_dive:
-                if next_dive and self._plan is None and not self._ordered:
+                if self.expanded > _ORDER_AFTER and self._plan is None and not self._ordered:
                     self._order()
                 next_dive = 2 * next_dive + 64
                 self._dive(label)
