@@ -321,7 +321,7 @@ def pinned(tmp_path_factory):
         mesh = solid.to_mesh()
         trimesh.Trimesh(mesh.vert_properties, mesh.tri_verts).export(folder / f"parts/{name}.stl")
     out = folder / "out"
-    words = ["import-cad", str(folder / "parts"), "--unit", "mm", "--out", str(out)]
+    words = ["import-cad", str(folder / "parts"), "--unit", "mm", "--no-nests", "--out", str(out)]
     assert run([*words, "--no-cache"]) == 0
     return out
 

@@ -394,6 +394,8 @@ def _describe(verdict: Verdict, kind: str, name: str) -> Failure:
     return Failure(
         f"{kind}: {verdict.reason}",
         "missed_by_m" in verdict.evidence,
-        all(f"{name} runs into" in reason for reason in ways.values()),
+        all(
+            f"{name} runs into" in reason and "insertion" not in reason for reason in ways.values()
+        ),
         all(any(words in reason for words in _FALLS) for reason in ways.values()),
     )
