@@ -45,7 +45,7 @@ _RAISE_M = 0.06
 # `skillplan nest`, as imports wait for them [m].
 _SAMPLES, _LAYER_M = 30_000, 2e-3
 # Share of the time limit at which cutting is interrupted.
-_SHARE = 0.7
+_SHARE = 0.75
 # Largest number of triangles of the parts that it leaves room for.
 _MOST_TRIANGLES = 20_000
 _NO_TIME = "none was cut in the time"
