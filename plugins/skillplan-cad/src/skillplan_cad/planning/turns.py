@@ -60,7 +60,7 @@ def add_turns(
     reasons |= {**bearing.why_not, **bearing.undriven}
     count = len([part for part in product if part.name not in absent])
     chosen = _choose_base(product, bearing, base)
-    placed = {*bearing.order, *list_driven(relation, bearing, {*absent, *reasons})}
+    placed = list_placed(relation, bearing, {*absent, *reasons})
     if chosen is None or len(placed) == count:
         return bearing
 
@@ -75,7 +75,8 @@ def add_turns(
     spared = [name for name in _list_spared(relation, best, chosen) if name not in early]
     for name in spared[:_MOST_TRIED]:
         other = turn({*deferred, name})
-        if len(other.held) < len(best.held) and _is_as_whole(relation, other, best, absent):
+        is_whole = list_placed(relation, other, absent) >= list_placed(relation, best, absent)
+        if len(other.held) < len(best.held) and is_whole:
             best = other
             deferred.add(name)
     return best
@@ -117,16 +118,6 @@ def _list_spared(relation: Relation, bearing: Bearing, base: str | None) -> list
     return [n for n in bearing.held if n not in mates and n != base and n not in bearing.turned]
 
 
-def _is_as_whole(
-    relation: Relation, bearing: Bearing, other: Bearing, absent: Collection[str]
-) -> bool:
-    """Return whether a bearing brings in all parts and screws of another one."""
-    mine, theirs = (
-        {*item.order, *list_driven(relation, item, absent)} for item in (bearing, other)
-    )
-    return mine >= theirs
-
-
 def _add_turns(
     product: Product,
     relation: Relation,
@@ -137,7 +128,7 @@ def _add_turns(
 ) -> Bearing:
     count = len([part for part in product if part.name not in absent])
     while len(bearing.ups) <= _MOST_TURNS:
-        if len({*bearing.order, *list_driven(relation, bearing, absent)}) == count:
+        if len(list_placed(relation, bearing, absent)) == count:
             break
         held = _hold_loose(product, relation, bearing, absent, base)
         bearings = [
@@ -171,8 +162,12 @@ def _rank(relation: Relation, bearing: Bearing) -> tuple[int, int, int]:
     return len(bearing.turned), straight, -len(bearing.held)
 
 
-def list_driven(relation: Relation, bearing: Bearing, absent: Collection[str] = ()) -> set[str]:
-    """Return the screws and nuts that are driven in the orientations of a bearing."""
+def list_placed(relation: Relation, bearing: Bearing, absent: Collection[str] = ()) -> set[str]:
+    """Return the parts that a bearing brings in, and the screws and nuts that are driven then."""
+    return {*bearing.order, *_list_driven(relation, bearing, absent)}
+
+
+def _list_driven(relation: Relation, bearing: Bearing, absent: Collection[str]) -> set[str]:
     return set(hold_mates(relation, *bearing.ups).driven - {*absent, *bearing.undriven})
 
 
@@ -186,7 +181,7 @@ def _turn(
     forces: Equilibrium,
 ) -> Bearing | None:
     """Return a bearing with a further turn, or None if it brings in nothing."""
-    placed = {*bearing.order, *list_driven(relation, bearing, absent)}
+    placed = list_placed(relation, bearing, absent)
     if not held or not placed:
         return None
     more = find_bearing(
@@ -228,7 +223,7 @@ def _hold_loose(
     held = {*bearing.held, *(name for name in masses if name == base)}
     joins = [
         {name for name in list_required(relation, screw, bearing.get_up(screw)) if name in masses}
-        for screw in sorted(list_driven(relation, bearing, absent), key=relation.index)
+        for screw in sorted(_list_driven(relation, bearing, absent), key=relation.index)
     ]
     for name in sorted(bearing.order, key=lambda name: -masses[name]):
         if name not in _close(held, joins):

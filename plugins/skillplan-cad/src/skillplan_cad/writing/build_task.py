@@ -19,7 +19,7 @@ from skillplan_cad.planning.bearing import (
     hold_mates,
     list_required,
 )
-from skillplan_cad.planning.turns import add_turns, list_driven
+from skillplan_cad.planning.turns import add_turns, list_placed
 from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Product
 from skillplan_cad.relation import LeftOut, Relation
@@ -173,7 +173,7 @@ def _turn_product(
     bearing = find_bearing(product, relation, task.bearing.up, gone, holding=True)
     turned = add_turns(product, relation, bearing, absent, plan.base, later)
     most = _weigh(product, task.names)
-    promised = {*turned.order, *list_driven(relation, turned, absent)}
+    promised = list_placed(relation, turned, absent)
     if not turned.turned or not task.document or _weigh(product, promised) <= most:
         return task
     further = build(turned, task.document["robot"]["model"], most)
@@ -459,22 +459,27 @@ class _TaskBuilder:
 
     def _bring_forward(self, reasons: Mapping[str, LeftOut]) -> set[str]:
         """Return the failed parts that waited for a turn; all that did go in before it from now."""
-        if self._early or not self._turning:
+        failed = {
+            name
+            for name in self._bearing.turned.keys() & reasons.keys()
+            if reasons[name].kind in _RETRIED
+        }
+        if self._early or not self._turning or not failed:
             return set()
         gone = {**self._absent, **self._later}
         before = find_bearing(
             self._product, self._given, self._bearing.up, gone, holding=self._holding
         )
         waiting = self._bearing.turned.keys() & set(before.order)
-        failed = {name for name in waiting & reasons.keys() if reasons[name].kind in _RETRIED}
+        failed &= waiting
         self._early = waiting if failed else set()
         return failed
 
     def _is_in_same_poses(self) -> bool:
         """Return whether all parts go in in the orientations that were begun with."""
         now, first = self._bearing, self._first
-        names = {*now.order, *list_driven(self._given, now, self._absent)}
-        known = {*first.order, *list_driven(self._given, first)}
+        names = list_placed(self._given, now, self._absent)
+        known = list_placed(self._given, first)
         return now.ups == first.ups and all(
             now.get_up(name) == first.get_up(name) for name in names & known
         )

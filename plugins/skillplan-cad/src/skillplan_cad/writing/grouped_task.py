@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.robots.catalogue import ARMS
 from skillplan_cad.planning.assembly_plan import GRIPPER, AssemblyPlan, Step, find_groups
 from skillplan_cad.planning.bearing import Bearing, find_bearing
 from skillplan_cad.planning.precedence import derive_precedence, list_members
@@ -28,6 +27,7 @@ from skillplan_cad.writing.task_document import (
     Item,
     TaskNest,
     WrittenTask,
+    compute_reach_down_m,
     find_free_name,
     format_task,
     lay_out_table,
@@ -503,7 +503,7 @@ class _Merger:
             if part.name in self._whole.names
         ]
         x, y, z = (float(extent) for extent in np.ptp(np.concatenate(points), axis=0))
-        reach_m = ARMS[document["robot"]["model"]][0].works_within_m
+        reach_m = compute_reach_down_m(document["robot"]["model"])
         tools = _merge_tools(document["tools"], self._own.document["tools"])
         holders = [tuple(tool["holder_m"][:2]) for tool in tools.values() if "holder_m" in tool]
         tray = lay_out_table((x, y, z), items, reach_m, [*HOLDERS, *holders], places)

@@ -186,6 +186,11 @@ class _Taken:
         return near
 
 
+def compute_reach_down_m(robot: str) -> float:
+    """Return the reach of an arm whose hand points straight down [m]."""
+    return ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
+
+
 def lay_out_table(
     product_size_m: tuple[float, float, float],
     items: Sequence[Item],
@@ -533,7 +538,7 @@ def lay_out_parts(
         points = np.concatenate([upright.vertices(part) for part in parts])
         x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
         size_m = (x, y, z)
-    reach_m = ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
+    reach_m = compute_reach_down_m(robot)
     layout = lay_out_table(size_m, list(items.values()), reach_m, holders)
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
