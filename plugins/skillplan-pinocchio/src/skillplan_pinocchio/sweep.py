@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from skillplan.task.motion import Point
 from skillplan_pinocchio.shapes import (
     STILL,
     ConvexPiece,
+    Nearness,
     Obstacle,
     may_touch,
     measure_distance,
     measure_overlap,
 )
+
+# Accuracy of a measured distance [m].
+_ACCURACY_M = 1e-5
 
 
 @dataclass(frozen=True)
@@ -109,13 +113,41 @@ class Sweep:
         if whole is None or whole.distance_m >= -tolerance_m:
             return None
         depth_m = round(-whole.distance_m, 6)
-        nearest, nearest_m = Touch(0.0, whole.position, depth_m), math.inf
-        for number in range(samples + 1):
-            fraction = number / samples
-            here = measure_distance(piece, other, [fraction * step for step in self.by])
-            if here.distance_m < nearest_m:
-                nearest, nearest_m = Touch(fraction, here.position, depth_m), here.distance_m
+        known: dict[int, Nearness] = {}
+        for number, here in self._sample(piece, other, samples, 0.0, known):
             if here.distance_m < -tolerance_m:
-                return nearest
+                return Touch(number / samples, here.position, depth_m)
         # An obstacle thinner than the spacing of samples: take the nearest sample.
-        return nearest
+        nearest_m = max(0.0, min(here.distance_m for here in known.values()))
+        number, here = min(
+            self._sample(piece, other, samples, nearest_m, known),
+            key=lambda sample: sample[1].distance_m,
+        )
+        return Touch(number / samples, here.position, depth_m)
+
+    def _sample(
+        self,
+        piece: ConvexPiece,
+        other: ConvexPiece,
+        samples: int,
+        within_m: float,
+        known: dict[int, Nearness],
+    ) -> Iterator[tuple[int, Nearness]]:
+        """Yield the samples that may be so near, as no step is longer than its displacement.
+
+        Parameters
+        ----------
+        within_m
+            Distance [m], >= 0.
+        known
+            Distances that were measured, by sample.
+        """
+        step_m = max(math.hypot(*self.by) / samples, _ACCURACY_M)
+        number = 0
+        while number <= samples:
+            if number not in known:
+                by = [number / samples * extent for extent in self.by]
+                known[number] = measure_distance(piece, other, by)
+            yield number, known[number]
+            far_m = known[number].distance_m - within_m - _ACCURACY_M
+            number += 1 + max(0, int(far_m / step_m))

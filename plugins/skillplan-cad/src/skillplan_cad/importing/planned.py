@@ -446,6 +446,7 @@ def _write_task(
     lines: list[str],
 ) -> WrittenTask:
     """Return the task of a plan for the arm that suits it; another arm than usual adds a line."""
+    writing.tell("writing ...")
     product, relation, joints = findings.relieved, findings.relation, findings.joints
     tolerance_m = settings.tolerance_mm / 1000
     loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
