@@ -138,7 +138,7 @@ class TaskTrials:
         setup = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
         feasibility = make_feasibility(task, setup)
         try:
-            self._forget_far(task, config)
+            self._forget_far(feasibility, config)
             failures = dict(self._try_skills(feasibility, config, order))
             left = [name for name in (*config.parts, *config.screws) if name not in self.granted]
             untried = tuple(
@@ -199,16 +199,17 @@ class TaskTrials:
         refusals = _sort_issues(domain.issues(config))
         return Trial(refusals) if refusals or SWEPT not in names("collision") else config
 
-    def _forget_far(self, task: Task, config: AssemblyConfig) -> None:
+    def _forget_far(self, feasibility: Feasibility, config: AssemblyConfig) -> None:
         """Forget the parts that are out of reach now, as the table is laid out anew."""
-        reach = make_feasibility(task, Setup(collision=()))
+        task = feasibility.task
+        # The engine alone, without the detectors, which would try each part again.
+        reach = make_feasibility(task, back_ends=feasibility.back_ends[:1])
         skills = {skill.name: skill for skill in task.skills}
         for name in sorted(self.granted):
             if name in config.parts or name in config.screws:
                 turn = _list_facts(task, config, _list_supports(config, name), name)
                 if _try_one(reach, skills, turn, name) is not None:
                     self.granted.discard(name)
-        reach.close()
 
     def _use_known_meshes(
         self, document: Mapping[str, Any], changed: Iterable[str]
