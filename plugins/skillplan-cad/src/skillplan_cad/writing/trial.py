@@ -103,6 +103,8 @@ class TaskTrials:
         # Meshes by their entries; a file that changes is read anew.
         self._meshes: dict[str, tuple[Mapping[str, Any], MeshConfig]] = {}
         self.granted: set[str] = set()
+        # How the arm moved in the trials that were passed.
+        self._moved: dict[str, tuple[object, ...]] = {}
         # The order found last, if only of some parts of the task.
         self._found: tuple[str, ...] = ()
 
@@ -202,13 +204,13 @@ class TaskTrials:
     def _forget_far(self, feasibility: Feasibility, config: AssemblyConfig) -> None:
         """Forget the parts that are out of reach now, as the table is laid out anew."""
         task = feasibility.task
-        # The engine alone, without the detectors, which would try each part again.
-        reach = make_feasibility(task, back_ends=feasibility.back_ends[:1])
         skills = {skill.name: skill for skill in task.skills}
         for name in sorted(self.granted):
+            if self._moved.get(name) == _list_motions(task, name):
+                continue
             if name in config.parts or name in config.screws:
                 turn = _list_facts(task, config, _list_supports(config, name), name)
-                if _try_one(reach, skills, turn, name) is not None:
+                if _try_one(feasibility, skills, turn, name) is not None:
                     self.granted.discard(name)
 
     def _use_known_meshes(
@@ -259,6 +261,7 @@ class TaskTrials:
                 failure = _try_one(feasibility, skills, alone, name)
             if failure is None:
                 self.granted.add(name)
+                self._moved[name] = _list_motions(task, name)
             else:
                 yield name, failure
 
@@ -337,6 +340,13 @@ def _list_supports(config: AssemblyConfig, name: str) -> list[str]:
                 supports.append(other)
                 waiting.append(other)
     return supports
+
+
+def _list_motions(task: Task, name: str) -> tuple[object, ...]:
+    """Return the arm and the motions of the skills that bring a part or drive a screw."""
+    starts = tuple(f"{kind}({name}{end}" for kind in _KINDS for end in (")", "."))
+    own = (skill.motion for skill in task.skills if skill.name.startswith(starts))
+    return (*task.scene.robots, *own)
 
 
 def _list_facts(task: Task, config: AssemblyConfig, before: Sequence[str], name: str) -> set[str]:
