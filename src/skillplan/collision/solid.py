@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain, pairwise, product
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 from skillplan.collision.boxes import WorldBox
 from skillplan.task.motion import AXES
@@ -358,6 +359,16 @@ class Solid:
 
     shapes: Sequence[Shape]
     pose: Pose
+    # Answers about other bodies while they exist. A moved copy of the body begins without any.
+    _heights_m: WeakKeyDictionary[Solid, dict[float, float | None]] = field(
+        default_factory=WeakKeyDictionary, init=False, repr=False
+    )
+    _depths_m: WeakKeyDictionary[Solid, float] = field(
+        default_factory=WeakKeyDictionary, init=False, repr=False
+    )
+    _contacts: WeakKeyDictionary[Solid, list[Polygon]] = field(
+        default_factory=WeakKeyDictionary, init=False, repr=False
+    )
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
@@ -396,7 +407,11 @@ class Solid:
         """Return the penetration depth of the deepest pair of shapes [m]; 0 if disjoint."""
         if not _has_overlap(self.box, other.box, TOUCH_M):
             return 0.0
-        return max(piece.depth_m(two) for piece, two in product(self.pieces, other.pieces))
+        if other not in self._depths_m:
+            self._depths_m[other] = max(
+                piece.depth_m(two) for piece, two in product(self.pieces, other.pieces)
+            )
+        return self._depths_m[other]
 
     def top_m(self, x_m: float, y_m: float) -> float | None:
         """Return the height of the highest surface at a point in plan [m], or None."""
@@ -464,13 +479,22 @@ class Solid:
         """Return the contact polygons on another body, seen from above [m]."""
         if not _has_overlap(self.box, lower.box, -TOUCH_M):
             return []
-        return [
-            polygon
-            for piece, two in product(self.pieces, lower.pieces)
-            for polygon in piece.touching(two)
-        ]
+        if lower not in self._contacts:
+            self._contacts[lower] = [
+                polygon
+                for piece, two in product(self.pieces, lower.pieces)
+                for polygon in piece.touching(two)
+            ]
+        return self._contacts[lower]
 
     def _height_m(self, lower: Solid, at_least_m: float) -> float | None:
+        """Return the gap to fall onto another body [m] without gaps below a limit, or None."""
+        known = self._heights_m.setdefault(lower, {})
+        if at_least_m not in known:
+            known[at_least_m] = self._measure_height_m(lower, at_least_m)
+        return known[at_least_m]
+
+    def _measure_height_m(self, lower: Solid, at_least_m: float) -> float | None:
         if not _is_over(self.box, lower.box):
             return None
         pairs = [

@@ -325,8 +325,8 @@ _STEEPEST = 20.0
 # Greatest ratio of height loss to width loss on a slope, if another edge is met first.
 _GENTLE = 3.0
 _ROUNDING, _ROUNDING_M = 1e-12, 1e-9
-# Greatest number of pairs in one array.
-_PAIRS_FALLING = 500_000
+# Greatest number of pairs in one array, and slack of bounding boxes in plan [m].
+_PAIRS_FALLING, _SLACK_M = 2_000_000, 1e-6
 
 
 def measure_gap(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math.inf) -> float:
@@ -459,41 +459,57 @@ def _select_faces(
 
 def _measure_over(points: Floats, triangles: Floats, normals: Floats) -> Iterator[Floats]:
     """Yield heights of points above the triangles below or above them."""
-    chunk = max(1, _PAIRS_FALLING // max(1, len(points)))
-    for first in range(0, len(triangles), chunk):
-        corners, normal = triangles[first : first + chunk], normals[first : first + chunk]
-        inside = np.ones((len(points), len(corners)), dtype=bool)
+    for which, face in _pair_in_plan(points[:, None], triangles):
+        point, corners, normal = points[which], triangles[face], normals[face]
+        inside = np.ones(len(which), dtype=bool)
         turn = np.sign(normal[:, 2])
         for i in range(3):
             a, b = corners[:, i], corners[:, (i + 1) % 3]
-            side = b - a
-            beyond = points[:, None, :2] - a[None, :, :2]
-            across = side[:, 0] * beyond[..., 1] - side[:, 1] * beyond[..., 0]
+            side, beyond = b - a, point - a
+            across = side[:, 0] * beyond[:, 1] - side[:, 1] * beyond[:, 0]
             inside &= across * turn >= -_ROUNDING * (1 + np.abs(side).sum(axis=1))
-        which, face = np.nonzero(inside)
-        away = points[which] - corners[face, 0]
-        yield np.einsum("ij,ij->i", away, normal[face]) / normal[face, 2]
+        away, normal = point[inside] - corners[inside, 0], normal[inside]
+        yield np.einsum("ij,ij->i", away, normal) / normal[:, 2]
 
 
 def _measure_crossings(upper: Floats, lower: Floats) -> Iterator[Floats]:
     """Yield height differences at crossings of edges in plan."""
-    chunk = max(1, _PAIRS_FALLING // max(1, len(lower)))
-    c = lower[:, 0]
-    s = lower[:, 1] - c
-    for first in range(0, len(upper), chunk):
-        a = upper[first : first + chunk, 0, None]
-        r = upper[first : first + chunk, 1, None] - a
+    for i, j in _pair_in_plan(upper, lower):
+        a, c = upper[i, 0], lower[j, 0]
+        r, s = upper[i, 1] - a, lower[j, 1] - c
         between = c - a
-        across = r[..., 0] * s[:, 1] - r[..., 1] * s[:, 0]
-        t_times = between[..., 0] * s[:, 1] - between[..., 1] * s[:, 0]
-        u_times = between[..., 0] * r[..., 1] - between[..., 1] * r[..., 0]
+        across = r[:, 0] * s[:, 1] - r[:, 1] * s[:, 0]
+        t_times = between[:, 0] * s[:, 1] - between[:, 1] * s[:, 0]
+        u_times = between[:, 0] * r[:, 1] - between[:, 1] * r[:, 0]
         sign = np.sign(across)
         reach = np.abs(across)
         meet = (t_times * sign >= 0) & (u_times * sign >= 0)
         meet &= (t_times * sign <= reach) & (u_times * sign <= reach) & (reach > 1e-18)
-        i, j = np.nonzero(meet)
-        t, u = t_times[i, j] / across[i, j], u_times[i, j] / across[i, j]
-        yield (a[i, 0, 2] + t * r[i, 0, 2]) - (c[j, 2] + u * s[j, 2])
+        t, u = t_times[meet] / across[meet], u_times[meet] / across[meet]
+        yield (a[meet, 2] + t * r[meet, 2]) - (c[meet, 2] + u * s[meet, 2])
+
+
+def _pair_in_plan(items: Floats, others: Floats) -> Iterator[tuple[Indices, Indices]]:
+    """Yield the numbers of items and others whose bounding boxes overlap in plan.
+
+    Parameters
+    ----------
+    items, others
+        Points, edges or triangles by their corners [m], shape (items, corners, 3).
+    """
+    if not (len(items) and len(others)):
+        return
+    import shapely
+
+    (low, high), (low_2, high_2) = (
+        (each[:, :, :2].min(axis=1), each[:, :, :2].max(axis=1)) for each in (items, others)
+    )
+    tree = shapely.STRtree(shapely.box(*(low_2 - _SLACK_M).T, *(high_2 + _SLACK_M).T))
+    chunk = max(1, _PAIRS_FALLING // len(others))
+    for first in range(0, len(items), chunk):
+        some = slice(first, first + chunk)
+        item, other = tree.query(shapely.box(*low[some].T, *high[some].T))
+        yield first + item, other
 
 
 # Least angle between faces that touch along a line at most [rad].

@@ -69,6 +69,7 @@ class Layout:
         self._starts: dict[str, Solid] = {}
         self._goals: dict[str, Solid] = {}
         self._buffered: dict[tuple[str, str], Solid] = {}
+        self._solids: dict[tuple[str, Pose], Solid] = {}
         # Start and goal share the shapes: meshes of thousands of corners keep derived data.
         self._shapes: dict[str, tuple[Shape, ...]] = {}
 
@@ -193,13 +194,12 @@ class Layout:
         if name not in self._shapes:
             owner = self.config.fixtures.get(name) or self.config.parts[name]
             self._shapes[name] = owner.shapes
-        shapes = self._shapes[name]
         if len(place_m) == 3:
             x_m, y_m, z_m = place_m
-            return Solid(shapes, Pose.turned((x_m, y_m, z_m), turn_rad))
+            return self._find_solid(name, Pose.turned((x_m, y_m, z_m), turn_rad))
         x_m, y_m = place_m
         if beneath:
-            raised = Solid(shapes, Pose.turned((x_m, y_m, 0.0), turn_rad))
+            raised = self._find_solid(name, Pose.turned((x_m, y_m, 0.0), turn_rad))
             falls_m = [
                 fall_m
                 for other, overlap_m in zip(
@@ -209,14 +209,26 @@ class Layout:
             ]
             if falls_m:
                 z_m = _round_height(-min(falls_m))
-                return Solid(shapes, Pose.turned((x_m, y_m, z_m), turn_rad))
+                return self._find_solid(name, Pose.turned((x_m, y_m, z_m), turn_rad))
             height_m = max(other.box.high[2] for other in beneath)
-        solid = Solid(shapes, Pose.turned((x_m, y_m, height_m), turn_rad))
+        solid = self._find_solid(name, Pose.turned((x_m, y_m, height_m), turn_rad))
         if solid.pose.is_upright:
             return solid
         # The lowest point of a turned part is at that height, not its origin.
         z_m = _round_height(2 * height_m - solid.box.low[2])
-        return Solid(shapes, Pose.turned((x_m, y_m, z_m), turn_rad))
+        return self._find_solid(name, Pose.turned((x_m, y_m, z_m), turn_rad))
+
+    def _find_solid(self, name: str, pose: Pose) -> Solid:
+        """Return a body at a pose: the one of a recent layout if it is the same."""
+        shapes = self._shapes[name]
+        for layout in (self, *_recent):
+            solid = layout._solids.get((name, pose))
+            # Comparing the corners of meshes would take too long.
+            if solid is not None and list(map(id, solid.shapes)) == list(map(id, shapes)):
+                self._solids[name, pose] = solid
+                return solid
+        self._solids[name, pose] = solid = Solid(shapes, pose)
+        return solid
 
 
 def _count_near(heights_m: list[float], level_m: float) -> tuple[int, float]:
