@@ -44,6 +44,8 @@ _WORTH = 0.6
 _LEAST_SHARE = 1e-3
 # Weights that encode three coordinates from -1000 to 1000 as one number.
 _PLACES = np.array([10**8, 10**4, 1])
+# Factor by which gaps on the walls of hollows with shafts are cut before others.
+_FIRST = 1e3
 # Share of a gap's corners on the wall of a round hollow above which it belongs to the hollow.
 _ON_WALL = 0.3
 # Distance of the corners' mean from the axis, in radii, below which they surround it.
@@ -175,10 +177,11 @@ def _find_worst_gap(
         width_m = _measure_width(gap, hull) / _TO_MM
         if width_m <= 0:
             continue
-        tested = fitted and width_m <= allowed_m
-        wall = _find_wall(_list_faces(gap)[0], fitted) if tested else None
+        wall = _find_wall(_list_faces(gap)[0], fitted) if fitted else None
         if wall is not None and wall.hollow.allowed_m is not None:
             excess = width_m / min(wall.hollow.allowed_m, allowed_m)
+            # No part goes into a hole that is not cut to the end.
+            excess *= _FIRST if excess > 1 else 1
         else:
             excess = width_m / allowed_m
         if excess > worst:
