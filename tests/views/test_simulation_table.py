@@ -35,7 +35,8 @@ def simulation(board_task):
     done.append(PerformedSkill(skills[2].name, jammed, 4.0, 6.0))
     pose = Pose.upright((0.489, 0.0, 0.0), 0.0)
     arrivals = (Arrival("pcb", pose, pose, 0.00012, 0.001),)
-    performance = Performance(tuple(done), arrivals, 6.0, 1440, {"largest_n": 1.5})
+    measured = {"largest_n": 1.5}
+    performance = Performance(tuple(done), arrivals, 6.0, 1440, measured, taken_away=("brace",))
     return Simulation(
         board_task, skills, "pybullet", performance, 1.2, files={"video": "/tmp/plan.mp4"}
     )
@@ -55,6 +56,7 @@ def test_the_failure_is_told_with_its_step(simulation):
         "failure    at step 3 (pick(switch_1)): the jaws closed on nothing, at the place where "
         "switch_1 was to be"
     ] == [note for note in notes if note.startswith("failure")]
+    assert "taken away brace" in notes
 
 
 def test_arrivals_have_a_table_of_their_own(simulation):

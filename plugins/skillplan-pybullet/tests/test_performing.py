@@ -103,12 +103,21 @@ def test_the_hand_acts_for_the_dwells_of_the_task(performance):
 
 
 @pytest.mark.slow(reason="executes a wrong plan; a part that ends below its goal in every run")
-def test_a_plan_ends_at_the_first_skill_that_fails(task):
-    wrong = [task.skills[action] for action in (2, 3, 4)]
-    perform = PybulletEngine(task).perform(wrong)
-    assert [skill.skill for skill in perform.skills] == ["pick(switch_1)", "place(switch_1)"]
+def test_a_plan_ends_at_the_first_skill_that_fails_or_goes_on_without_its_part(task):
+    names = ["pick(switch_1)", "place(switch_1)", "pick(pcb)", "place(pcb)", "fasten(screw_1)"]
+    wrong = [task.skill(name) for name in names]
+    perform = PybulletEngine(task).perform(wrong[:3])
+    assert [skill.skill for skill in perform.skills] == names[:2]
     assert perform.failed is not None
     assert "6.0 mm below its goal" in perform.failed.verdict.reason
+    going_on = PybulletEngine(task).perform(wrong, keeps_going=True)
+    assert going_on.taken_away == ("switch_1",)
+    offsets_m = {arrival.body: arrival.offset_m for arrival in going_on.arrivals}
+    assert offsets_m["pcb"] < 5e-4
+    assert "switch_1" not in offsets_m
+    is_feasible = [skill.verdict.is_feasible for skill in going_on.skills]
+    assert is_feasible == [True, False, True, True, False]
+    assert going_on.skills[4].verdict.reason.startswith("needs ")
 
 
 @pytest.mark.slow(reason="five skills executed before; the first skill that fails in every run")

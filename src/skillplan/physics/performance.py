@@ -266,7 +266,7 @@ class Performance:
     Parameters
     ----------
     skills
-        Executed skills in order; the last one may have failed.
+        Executed skills in order; the last one may have failed, or others if the plan went on.
     arrivals
         Bodies whose place is determined by the last state.
     simulated_s
@@ -275,6 +275,8 @@ class Performance:
         Part of the simulated time in which the arm rested without simulation steps [s].
     pace
         Speeds of the arm in the engine, in a clause; may be empty.
+    taken_away
+        Parts that failed and were taken away, in order.
     """
 
     skills: tuple[PerformedSkill, ...]
@@ -284,10 +286,11 @@ class Performance:
     figures: Mapping[str, Any] = field(default_factory=dict, hash=False)
     held_s: float = 0.0
     pace: str = ""
+    taken_away: tuple[str, ...] = ()
 
     @property
     def failed(self) -> PerformedSkill | None:
-        """The failed skill, or None."""
+        """The first failed skill, or None."""
         return next((skill for skill in self.skills if not skill.verdict.is_feasible), None)
 
 
@@ -336,13 +339,14 @@ class Performer(ABC):
         stopped: Callable[[], bool] = lambda: False,
         angle: Angle | None = None,
         labels: bool = False,
+        keeps_going: bool = False,
     ) -> Performance:
         """Execute a plan continuously from the task's initial state, and measure.
 
         Parameters
         ----------
         skills
-            The plan; it ends at the first skill that fails.
+            The plan.
         frames_per_s, show
             Rate of pictures in simulated time, and their receiver.
         note
@@ -355,6 +359,9 @@ class Performer(ABC):
             Camera angle; None for the default.
         labels
             True to draw name tags of bodies, feeders and docks.
+        keeps_going
+            True to take away a part that failed and to go on with the others; skills that need the
+            part fail, too. Otherwise the plan ends at the first skill that fails.
         """
 
 

@@ -228,8 +228,11 @@ class PerformingEngine(SimulatingEngine, Performer):
         stopped: Callable[[], bool] = lambda: False,
         angle: Angle | None = None,
         labels: bool = False,
+        keeps_going: bool = False,
     ) -> Performance:
         """Execute a plan in one continuous world; see :meth:`Performer.perform`."""
         observers = Observers(frames_per_s, show, note, angle, labels)
         rules = Rules(self.tolerances, self._judges)
-        return execute_plan(self.workcell, rules, skills, observers, stopped)
+        return execute_plan(
+            self.workcell, rules, skills, observers, stopped, keeps_going=keeps_going
+        )

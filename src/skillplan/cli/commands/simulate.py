@@ -54,6 +54,15 @@ def command(
             "@FILE with a plan. RESULT contains its own plan.",
         ),
     ] = None,
+    keep_going: Annotated[
+        bool,
+        option(
+            "--keep-going",
+            TASK,
+            "Go on after a part failed: it is taken away, as by hand, and the arm begins the next "
+            "skill at the end of this one. Default: the plan ends there.",
+        ),
+    ] = False,
     physics: Annotated[
         str | None,
         option(
@@ -124,7 +133,8 @@ def command(
     detectors that read contacts decide which force is a collision, with the options of the task
     file or of RESULT; the default detector is contact-pairs. If a skill has several variants, the
     one in RESULT is executed, or else the first that the engine accepts. The plan ends at the first
-    skill that fails; Ctrl-C and --time-limit end it after the current skill.
+    skill that fails, unless --keep-going takes its part away; Ctrl-C and --time-limit end it after
+    the current skill.
     """
     import time
     from contextlib import ExitStack
@@ -162,6 +172,7 @@ def command(
         begin_s = time.perf_counter()
         rate = fps / speed if show is not None else None
         pictures = {"frames_per_s": rate, "show": show, "angle": angle, "labels": labels}
+        pictures["keeps_going"] = keep_going
         performance = _perform(engine, taken, count, row, **pictures)
         wall_s = time.perf_counter() - begin_s
         stopped = count.interrupted and len(performance.skills) < len(possible)

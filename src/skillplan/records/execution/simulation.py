@@ -310,6 +310,7 @@ class Simulation:
                 }
                 for arrival in performance.arrivals
             ],
+            "taken_away": list(performance.taken_away),
             "largest_offset_mm": self.largest_mm,
             "largest_tilt_deg": self.largest_deg,
             "figures": dict(performance.figures),

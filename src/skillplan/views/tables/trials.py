@@ -221,7 +221,7 @@ def _write_notes(simulation: Simulation) -> list[str]:
     ]
     failed = performance.failed
     if failed is not None:
-        step = len(performance.skills)
+        step = performance.skills.index(failed) + 1
         notes.append(f"failure    at step {step} ({failed.skill}): {failed.verdict.reason}")
     elif simulation.obstacle is not None:
         notes.append(f"failure    {simulation.obstacle}")
@@ -231,6 +231,8 @@ def _write_notes(simulation: Simulation) -> list[str]:
         )
     elif not simulation.complete:
         notes.append("failure    at the end: the goal is not reached")
+    if performance.taken_away:
+        notes.append(f"taken away {', '.join(performance.taken_away)}")
     largest_mm, largest_deg = simulation.largest_mm, simulation.largest_deg
     if largest_mm is not None and largest_deg is not None:
         notes.append(f"arrival    within {largest_mm:.3f} mm and {largest_deg:.3f} degrees")

@@ -123,6 +123,12 @@ class ToolChanger:
         """Return the position of the tip of the attached tool, or of the bare arm [m]."""
         return self._find_tip(self.tool)
 
+    def follow(self) -> None:
+        """Put the bodies of attached tools where the hand is."""
+        for tool in self.attached:
+            if tool.name in self._bonds:
+                self.world.put(tool.name, self._find_pose(tool))
+
     def detach(self) -> None:
         """Leave the tool in its dock."""
         assert self.tool is not None
@@ -261,6 +267,12 @@ class ControlledRobot:
             self.log.cups.pop(self._static.name, None)
             self._static.let_go()
             self._static = None
+
+    def stand_again(self, joints_rad: Vector) -> None:
+        """Put the empty arm at rest in a posture [rad], with its tools."""
+        self.arm.press_n, self.arm.yields = np.zeros(3), False
+        self.arm.stand(joints_rad, self.arm.jaw_width_m())
+        self.tools.follow()
 
     def wait(self, duration_s: float) -> None:
         """Hold the current target."""

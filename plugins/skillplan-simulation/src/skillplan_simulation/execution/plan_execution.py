@@ -27,7 +27,7 @@ from skillplan.physics.performance import (
     Sample,
     View,
 )
-from skillplan.task.motion import Point
+from skillplan.task.motion import Event, Point
 from skillplan.task.scene import WORLD, Pose
 from skillplan.task.skill import FeederClock, Skill
 from skillplan.task.state import State
@@ -304,6 +304,8 @@ def execute_plan(
     skills: Sequence[Skill],
     observers: Observers,
     stopped: Callable[[], bool],
+    *,
+    keeps_going: bool = False,
 ) -> Performance:
     """Execute a plan without a break; see :meth:`skillplan.physics.performance.Performer`.
 
@@ -319,7 +321,19 @@ def execute_plan(
         film = None
         if observers.frames_per_s and observers.show is not None:
             film = stack.enter_context(Film(observers.show))
-        return _PlanExecution(workcell, rules, world, arm, observers, film).play(skills, stopped)
+        execution = _PlanExecution(workcell, rules, world, arm, observers, film)
+        execution.keeps_going = keeps_going
+        return execution.play(skills, stopped)
+
+
+# Events that handle a part.
+_HANDLING = (Event.GRASP, Event.RELEASE, Event.FETCH, Event.DRIVE)
+
+
+def _list_parts(skill: Skill, state: State) -> list[str]:
+    """Return the parts that a skill handles in a state."""
+    visits = () if skill.motion is None else skill.motion.visits(state)
+    return list(dict.fromkeys(visit.subject for visit in visits if visit.event in _HANDLING))
 
 
 class _PlanExecution:
@@ -345,6 +359,9 @@ class _PlanExecution:
         self.waited = 0
         self.skill = ""
         self.step = 0
+        self.keeps_going = False
+        # Parts that were taken away, with the skills that failed.
+        self.taken_away: dict[str, str] = {}
         self.feeders = FeederClock()
         self.camera: PaintedCamera | None = None
         if film is not None:
@@ -389,14 +406,13 @@ class _PlanExecution:
             self.skill = skill.name
             self.step += 1
             begin_s, runner.acting_steps, self.waited = self._now_s, 0, 0
-            verdict = self._execute(skill, state)
-            state = skill.prediction_in(state).apply(state)
+            verdict, state, goes_on = self._perform(skill, state)
             acting_s = runner.acting_steps / STEPS_PER_S
             waited_s = self.waited / STEPS_PER_S
             done.append(
                 PerformedSkill(skill.name, verdict, begin_s, self._now_s, acting_s, waited_s)
             )
-            if not verdict.is_feasible:
+            if not goes_on:
                 break
         return Performance(
             tuple(done),
@@ -405,10 +421,42 @@ class _PlanExecution:
             self.world.steps,
             held_s=self.held / STEPS_PER_S,
             pace=self.workcell.settings.pace,
+            taken_away=tuple(self.taken_away),
         )
+
+    def _perform(self, skill: Skill, state: State) -> tuple[Verdict, State, bool]:
+        """Return the verdict on a skill, the state after it, and whether the plan goes on.
+
+        A part that failed is taken away, as by hand, and the arm goes on from the end of the skill.
+        """
+        parts, none = _list_parts(skill, state), self.task.facts.none
+        lost = [part for part in parts if part in self.taken_away]
+        if lost:
+            reason = f"{lost[0]} was taken away after {self.taken_away[lost[0]]}"
+            after = skill.prediction_in(state).apply(state)
+            return Verdict.infeasible(reason, none, none), self._leave_out(parts, after), True
+        verdict = self._execute(skill, state)
+        if self.taken_away and not skill.applicable(state):
+            return verdict, state, True
+        after = skill.prediction_in(state).apply(state)
+        if verdict.is_feasible or not (self.keeps_going and parts and self.world.is_sane()):
+            return verdict, after, verdict.is_feasible
+        if not self.arrived:
+            for part in parts:
+                self.taken_away[part] = skill.name
+                self.runner.give_up(part)
+            self.runner.stand_again(self.here_rad)
+            after = self._leave_out(parts, after)
+        return verdict, after, True
+
+    def _leave_out(self, parts: Sequence[str], state: State) -> State:
+        """Return a state without parts at their goals."""
+        goals = self.task.operations
+        return state - self.task.facts.of(*(goals[part] for part in parts if part in goals))
 
     def _execute(self, skill: Skill, state: State) -> Verdict:
         facts = self.task.facts
+        self.arrived = False
         if not skill.applicable(state):
             missing = skill.why_not(state)
             return Verdict.infeasible(
@@ -433,13 +481,14 @@ class _PlanExecution:
                 if number == 0:
                     self._await(skill, self.feeders.present(skill, self._now_s))
                 runner.run(motion)
-                self.here_rad = motion.retreat[-1]
         except (UpsetError, np.linalg.LinAlgError) as error:
             return Verdict.unknown(str(error))
         except UnreachableError as error:
             return Verdict.infeasible(str(error), facts.none, facts.none)
         except StuckError:
             runner.sensed["stuck_on"] = runner.log.phase_now
+        finally:
+            self.here_rad = planned.motions[-1].retreat[-1]
         return self._sensed(skill, state, planned, begin_s)
 
     def _rearrange(self, skill: Skill, state: State) -> Verdict:
@@ -466,6 +515,7 @@ class _PlanExecution:
         """Return the verdict of a search: a collision takes precedence over its consequences."""
         record = self.workcell.record_of(skill, state, planned, self.runner, begin_s)
         verdict = check_postcondition(skill, record, self.rules.tolerances)
+        self.arrived = verdict.is_feasible
         collision = find_collision(record, self.rules.judges)
         if collision is None:
             return verdict

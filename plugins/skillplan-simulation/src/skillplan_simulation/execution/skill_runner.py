@@ -352,6 +352,17 @@ class SkillRunner(ControlledRobot):
         self.world.part(subject, self.world.others(subject))
         self._kept[subject] = self.world.hold(subject)
 
+    def give_up(self, name: str) -> None:
+        """Take a body out of the world, and out of the hand or the feeder that has it."""
+        if name in self._kept:
+            self.world.release(self._kept.pop(name))
+        if self.carried == name:
+            self.unbind()
+            self.unclasp()
+            self.carry(None)
+        if name in self.world.numbers:
+            self.world.remove(name)
+
     def take(self, planned: ArmMotion) -> None:
         """Put the part that a motion releases into the hand, as if picked up before."""
         motion = planned.motion
