@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -47,9 +49,9 @@ BY_ITS_END = Grasp(
 )
 
 
-def task_with(visit: Visit) -> Task:
+def task_with(visit: Visit, board: Mapping[str, Any] = BAR) -> Task:
     """Return the bar's task with another visit of its place."""
-    task = assembly(BAR)
+    task = assembly(board)
     place = task.skill("place(bar)")
     motion = Motion("robot", (Route(task.facts.none, (visit,)),), "bar")
     skills = tuple(
@@ -59,8 +61,10 @@ def task_with(visit: Visit) -> Task:
     return replace(task, skills=skills)
 
 
-def motion_of(visit: Visit, drop_height_m: float = 0.001) -> LinearMotion:
-    task = task_with(visit)
+def motion_of(
+    visit: Visit, drop_height_m: float = 0.001, board: Mapping[str, Any] = BAR
+) -> LinearMotion:
+    task = task_with(visit, board)
     state = task.facts.of("held(bar)", "tool(gripper)", "at(home)")
     (result,) = plan_linear_motions(task, task.skill("place(bar)"), state, drop_height_m)
     return result
@@ -90,10 +94,19 @@ def test_the_last_stretch_follows_the_direction_of_insertion_and_the_first_back_
 
 def test_what_goes_in_from_the_side_is_not_dragged_over_what_it_will_lie_on():
     """And what goes in from below is not dropped."""
-    motion = motion_of(place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08))
+    sideways = place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08)
+    motion = motion_of(sideways)
     assert motion.drop_m == 0.0003
     assert {point[2] for point in motion.approach[1:]} == {motion.grasp_tip[2] + 0.0003}
     assert motion_of(place_of(along=(0.0, 0.0, 1.0), insert_m=0.08)).drop_m == 0.0
+
+
+def test_a_pin_from_the_side_is_lifted_no_more_than_its_hole_allows():
+    block = {"size_m": [0.03, 0.03, 0.03], "goal_m": [0.3, 0.1], "fixed": True}
+    fitted = {"fits": {"block": {"kind": "clearance", "drawn_m": 0.0001}}}
+    board = {**BAR, "parts": {"bar": BAR["parts"]["bar"] | fitted, "block": block}}
+    sideways = place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08)
+    assert motion_of(sideways, board=board).drop_m == 0.0001
 
 
 def test_the_hand_is_turned_with_the_part():

@@ -1,9 +1,11 @@
 """Find an order of all components of a task, one after another, or those that spoil every order.
 
-Parts are placed one after another, in the order of the plan as far as the checks allow. If none of
-the rest can be placed, the verdicts name the parts in the way: one that could have gone in before
-them is put before them, and the search starts again. If that does not help, the part is left out
-whose absence costs the fewest others.
+Parts are placed one after another, in the order of the plan as far as the checks allow. If some of
+them cannot be, the whole is taken apart in thought: a part may be the last one if it can be placed
+with all others there. Parts that are gone are in nobody's way, so no choice of a last part is
+wrong, except where it held another one up: then it comes before that one, and the search starts
+again. Parts none of which can be the last are in no order at all; the one whose absence costs the
+fewest others is left out.
 """
 
 from __future__ import annotations
@@ -123,29 +125,37 @@ class _OrderSearch:
     def run(self, *, may_drop: bool) -> Order:
         conflicts: dict[str, Conflict] = {}
         without: list[str] = []
-        order: list[str] = []
         try:
-            while True:
-                order, failed = self._place_all()
-                if len(order) == len(self._alive):
+            order = self._place_all()
+            while len(order) < len(self._alive):
+                taken, failed = self._take_apart(self._alive)
+                if len(taken) == len(self._alive):
+                    order = taken[::-1]
                     break
-                if self._learn(order, failed):
+                if self._learn(taken, failed):
                     continue
                 if not may_drop:
                     break
-                name, conflict = self._choose_dropped(order, failed)
+                name, conflict = self._choose_dropped(taken, failed)
                 conflicts[name] = conflict
                 gone = self._list_dependants(name)
                 without += sorted(gone)
-                self._alive = [other for other in self._alive if other not in {name, *gone}]
-                for before in self._before.values():
-                    before -= {name, *gone}
+                self._leave_out({name, *gone}, taken)
+                # A part that is left out may have held another one up.
+                order = order if not {name, *gone} & {*order} else []
         except _Spent:
             placed = self._longest
             missing = {name: why for name, why in conflicts.items() if name not in placed}
             skills = self._list_skills(placed)
             return Order(tuple(placed), skills, missing, tuple(without), ended=False)
         return Order(tuple(order), self._list_skills(order), conflicts, tuple(without))
+
+    def _leave_out(self, gone: set[str], taken: Sequence[str]) -> None:
+        """Go on without some parts; those that were taken away first come last."""
+        left = [name for name in self._alive if name not in taken]
+        self._alive = [name for name in (*left, *reversed(taken)) if name not in gone]
+        for before in self._before.values():
+            before -= gone
 
     def _list_required(self, name: str) -> Iterable[str]:
         """Yield the parts whose goals the skills of a part, or turns before them, require."""
@@ -163,28 +173,38 @@ class _OrderSearch:
                 if turn.kind == "turn" and fact in turn.prediction.add:
                     waiting += turn.precondition.requires
 
-    def _place_all(self) -> tuple[list[str], dict[str, Verdict]]:
-        """Return the parts that can be placed one after another, and why the rest cannot."""
-        order: list[str] = []
-        left = list(self._alive)
-        failed: dict[str, Verdict] = {}
-        while left:
-            done = frozenset(order)
-            failed.clear()
+    def _place_all(self) -> list[str]:
+        """Return the parts that can be placed one after another, as many as can be."""
+        left, order = list(self._alive), self._longest
+        placed = True
+        while placed:
+            placed = False
             for name in left:
-                if self._before[name] - done:
-                    continue
-                verdict = self._find_failure(name, done)
-                if verdict is None:
+                done = frozenset(order)
+                if not self._before[name] - done and self._find_failure(name, done) is None:
                     order.append(name)
                     left.remove(name)
-                    if len(order) > len(self._longest):
-                        self._longest = [*order]
+                    placed = True
+                    break
+        return order
+
+    def _take_apart(self, parts: Iterable[str]) -> tuple[list[str], dict[str, Verdict]]:
+        """Return parts that can be the last ones, in order, and why none of the rest can be."""
+        there, taken = dict.fromkeys(parts), list[str]()
+        failed: dict[str, Verdict] = {}
+        while there:
+            failed.clear()
+            needed = {other for name in there for other in self._before[name]}
+            for name in reversed([name for name in there if name not in needed]):
+                verdict = self._find_failure(name, there.keys() - {name})
+                if verdict is None:
+                    del there[name]
+                    taken.append(name)
                     break
                 failed[name] = verdict
             else:
                 break
-        return order, failed
+        return taken, failed
 
     def _find_failure(self, name: str, done: Collection[str]) -> Verdict | None:
         """Return the verdict that refuses a part once exactly some others are placed, or None."""
@@ -196,19 +216,19 @@ class _OrderSearch:
                 return verdict
         return None
 
-    def _learn(self, order: Sequence[str], failed: Mapping[str, Verdict]) -> bool:
-        """Put parts that failed before those in their way, if they could be placed then."""
+    def _learn(self, taken: Sequence[str], failed: Mapping[str, Verdict]) -> bool:
+        """Put parts that were taken away before those that they held up."""
+        rest = {name for name in self._alive if name not in taken}
         learned = False
         for name, verdict in failed.items():
-            for culprit in reversed(self._list_placed_culprits(name, verdict, order)):
-                later = {culprit, *self._list_dependants(culprit)}
-                earlier = frozenset(other for other in order if other not in later)
-                if name in later or self._leads(culprit, name):
-                    continue
-                if self._find_failure(name, earlier) is None:
-                    self._before[culprit].add(name)
-                    learned = True
-                    break
+            absent = {self._hypothetical.owner(fact) for fact in verdict.absent or ()}
+            held_by = [other for other in taken if other in absent and not self._leads(name, other)]
+            others = rest - {name}
+            if not held_by or self._find_failure(name, others.union(held_by)) is not None:
+                continue
+            alone = [n for n in held_by if self._find_failure(name, {*others, n}) is None]
+            self._before[name].update(alone[-1:] or held_by)
+            learned = True
         return learned
 
     def _leads(self, first: str, last: str) -> bool:
@@ -241,40 +261,33 @@ class _OrderSearch:
         return gone
 
     def _choose_dropped(
-        self, order: Sequence[str], failed: Mapping[str, Verdict]
+        self, taken: Sequence[str], failed: Mapping[str, Verdict]
     ) -> tuple[str, Conflict]:
         """Return the part without which most others can be placed, with the reason."""
+        rest = [name for name in self._alive if name not in taken]
         if not failed:
-            # The rest waits for each other.
-            left = [name for name in self._alive if name not in order]
-            name = min(left, key=lambda other: (len(self._list_dependants(other)), other))
-            by = tuple(sorted(self._before[name] & set(left)))
+            # They wait for each other.
+            name = min(rest, key=lambda other: (len(self._list_dependants(other)), other))
+            by = tuple(sorted(self._before[name] & set(rest)))
             words = f"waits for {' and '.join(by)}, which waits for it"
             return name, Conflict(words, by, name, is_by_hand=False)
-        candidates = dict.fromkeys(failed)
         blamed: dict[str, list[str]] = {}
         for name, verdict in failed.items():
-            for culprit in self._list_placed_culprits(name, verdict, order):
-                candidates.setdefault(culprit)
+            for culprit in self._list_placed_culprits(name, verdict, rest):
                 blamed.setdefault(culprit, []).append(name)
-        dependants = {name: self._list_dependants(name) for name in candidates}
-        compared = sorted(candidates, key=lambda name: len(dependants[name]))[:_MOST_COMPARED]
+        dependants = {name: self._list_dependants(name) for name in {**failed, **blamed}}
+        compared = sorted(dependants, key=lambda name: len(dependants[name]))[:_MOST_COMPARED]
         lost: dict[str, int] = {}
         for name in compared:
             gone = {name, *dependants[name]}
-            done = frozenset(other for other in order if other not in gone)
-            still = [
-                other
-                for other in failed
-                if other not in gone and self._find_failure(other, done) is not None
-            ]
-            lost[name] = len(gone) + len(still)
+            left = [other for other in rest if other not in gone]
+            lost[name] = len(gone) + len(left) - len(self._take_apart(left)[0])
         chosen = min(compared, key=lambda name: (lost[name], name not in failed))
         name = chosen if chosen in failed else blamed[chosen][0]
         verdict = failed[name]
         is_by_hand = f"{name} runs " not in verdict.reason
         if chosen in failed:
-            by = tuple(self._list_placed_culprits(chosen, verdict, order))
+            by = tuple(self._list_placed_culprits(chosen, verdict, rest))
             others = self._hypothetical.components(verdict) - {chosen, *by}
             words = f"fails in every order that was tried: {verdict.stage}: {verdict.reason}"
             return chosen, Conflict(words, by or tuple(sorted(others)), name, is_by_hand)

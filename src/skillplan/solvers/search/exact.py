@@ -88,8 +88,9 @@ def list_questions(
 _TIME_BITS = 40
 # Rounding errors of the costs of paths [units].
 _ROUNDING = convert_to_units(1e-12)
-# Number of expanded states without a plan, after which an order of components is looked for.
-_ORDER_AFTER = 200
+# Number of expanded states without a plan, after which an order of components is looked for, and
+# number of components from which it is looked for at once: of so many, a dive seldom ends.
+_ORDER_AFTER, _ORDER_FIRST = 200, 15
 # Greatest number of open labels, next in expansion order, inspected during a check.
 _MOST_OPEN = 32
 
@@ -211,6 +212,7 @@ class _Search:
     def run(self, *, bounded: bool) -> tuple[Plan | None, bool]:
         """Return the best plan, and True if it or infeasibility is proved."""
         limit = self.model.step_limit if bounded else None
+        operations = self.model.task.operations
         self._adopt(self.stop.best)
         best: dict[int, list[_Label]] = {}
         queue: list[tuple[int, int, int, _Label]] = []
@@ -255,7 +257,8 @@ class _Search:
             self.states += len(known) == 1
             self.expanded += 1
             if self.options.dives and self.expanded > next_dive:
-                if self.expanded > _ORDER_AFTER and self._plan is None and not self._ordered:
+                is_due = self.expanded > _ORDER_AFTER or len(operations) >= _ORDER_FIRST
+                if is_due and self._plan is None and not self._ordered:
                     self._order()
                 next_dive = 2 * next_dive + 64
                 self._dive(label)

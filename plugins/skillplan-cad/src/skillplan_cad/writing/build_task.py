@@ -282,7 +282,7 @@ class _TaskBuilder:
         """
         self._absent |= without
         while (task := self._write(cuts, trials, watch, least_weight)) is None:
-            trials.forget()
+            trials.granted.clear()
             self._begin(self._bearing)
         return task
 

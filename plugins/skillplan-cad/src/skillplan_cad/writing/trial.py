@@ -115,8 +115,8 @@ class TaskTrials:
         self._folder.cleanup()
 
     def forget(self, *names: str) -> None:
-        """Try parts and screws again; all if none is named."""
-        self.granted -= {*names} or self.granted.copy()
+        """Try parts and screws again."""
+        self.granted -= {*names}
 
     def try_task(
         self, document: Mapping[str, Any], files: Mapping[str, str], order: Sequence[str]
@@ -277,6 +277,8 @@ class TaskTrials:
             name: part.goal_on or () for name, part in config.parts.items()
         }
         needs |= {name: (screw.through,) for name, screw in config.screws.items()}
+        # What a support of its own holds needs no other part beneath it.
+        needs |= dict.fromkeys((n for h in config.holders.values() for n in h.parts), ())
         self._watch.report(f"writing: finding an order of {len(task.operations)} parts")
         first = [name for name in self._found if name in task.operations]
         listed = [*first, *(name for name in preferred if name not in first)]
