@@ -98,7 +98,7 @@ def build_task(
     watch = watch or Watch()
     cuts, known = Cuts(product), known or KnownHolds()
 
-    def build(bearing: Bearing, arm: str, least_weight: float = 0.0) -> WrittenTask:
+    def build(bearing: Bearing, arm: str, rival: WrittenTask | None = None) -> WrittenTask:
         builder = _TaskBuilder(
             product,
             relation,
@@ -113,7 +113,7 @@ def build_task(
         without: Mapping[str, LeftOut] = absent
         with TaskTrials(watch) as trials:
             for share in _STOPPED_SHARES:
-                make = partial(builder.build, without, cuts, trials, watch, least_weight)
+                make = partial(builder.build, without, cuts, trials, watch, rival)
                 task = watch.attempt(make, share)
                 if task is not None:
                     return task
@@ -140,7 +140,7 @@ def build_task(
     )
     for promised, other in ranked[:_MOST_ORIENTATIONS]:
         if promised > most and not watch.must_stop():
-            task = build(other, robot, most)
+            task = build(other, robot, best)
             if _is_better(product, task, best):
                 best, most = task, _weigh(product, task.names)
     far = [name for name, reason in best.left_out.items() if reason.kind == "unreachable"]
@@ -151,7 +151,7 @@ def build_task(
             if first.up == up
             else find_bearing(product, relation, up, absent, holding=holding)
         )
-        task = build(again, longer, most)
+        task = build(again, longer, best)
         if _is_better(product, task, best):
             best = task
     if turning and holding and not watch.must_stop():
@@ -165,7 +165,7 @@ def _turn_product(
     plan: AssemblyPlan,
     task: WrittenTask,
     absent: Collection[str],
-    build: Callable[[Bearing, str, float], WrittenTask],
+    build: Callable[[Bearing, str, WrittenTask], WrittenTask],
 ) -> WrittenTask:
     """Return a task that turns the product if it has more of the parts, or else the given one."""
     later = {n: why for n, why in task.left_out.items() if why.kind in _RETRIED}
@@ -176,7 +176,7 @@ def _turn_product(
     promised = list_placed(relation, turned, absent)
     if not turned.turned or not task.document or _weigh(product, promised) <= most:
         return task
-    further = build(turned, task.document["robot"]["model"], most)
+    further = build(turned, task.document["robot"]["model"], task)
     stands = not further.doubt.startswith("turn(")
     return further if stands and _is_better(product, further, task) else task
 
@@ -271,23 +271,24 @@ class _TaskBuilder:
         cuts: Cuts,
         trials: TaskTrials,
         watch: Watch,
-        least_weight: float,
+        rival: WrittenTask | None = None,
     ) -> WrittenTask:
         """Write the task again with fewer parts until it passes its trial.
 
         Parameters
         ----------
-        least_weight
-            Weight of another orientation: with less, the task is given up.
+        rival
+            Task in another orientation or with another arm: the task is given up if it cannot have
+            more of the parts. The parts that the rival lacks are tried first.
         """
         self._absent |= without
-        while (task := self._write(cuts, trials, watch, least_weight)) is None:
+        while (task := self._write(cuts, trials, watch, rival)) is None:
             trials.granted.clear()
             self._begin(self._bearing)
         return task
 
     def _write(
-        self, cuts: Cuts, trials: TaskTrials, watch: Watch, least_weight: float
+        self, cuts: Cuts, trials: TaskTrials, watch: Watch, rival: WrittenTask | None
     ) -> WrittenTask | None:
         """Return the task; None if parts go in in other orientations than before."""
         if self._proof is None:
@@ -297,6 +298,7 @@ class _TaskBuilder:
                 self._product, self._relation, self._plan, bearing.order, upright, cuts, watch
             )
         places: Places | None = None
+        least_weight = 0.0 if rival is None else _weigh(self._product, rival.names)
         while True:
             if not self._is_in_same_poses():
                 return None
@@ -341,7 +343,9 @@ class _TaskBuilder:
                 continue
             names = [name for name in self._holds.list_order() if name in task.names]
             order = [task.names[name] for name in names]
-            trial = trials.try_task(task.document, task.files, order)
+            lacking = () if rival is None else task.names.keys() - rival.names.keys()
+            doubtful = [task.names[name] for name in lacking]
+            trial = trials.try_task(task.document, task.files, order, doubtful)
             if self._retreat(task, trial) or self._lift(trial):
                 trials.forget(*order)
                 continue

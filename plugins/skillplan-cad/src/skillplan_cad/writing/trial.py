@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -119,7 +119,11 @@ class TaskTrials:
         self.granted -= {*names}
 
     def try_task(
-        self, document: Mapping[str, Any], files: Mapping[str, str], order: Sequence[str]
+        self,
+        document: Mapping[str, Any],
+        files: Mapping[str, str],
+        order: Sequence[str],
+        doubtful: Collection[str] = (),
     ) -> Trial:
         """Check a task, try each pick, place and fastening when its turn comes, and find an order.
 
@@ -131,6 +135,8 @@ class TaskTrials:
             Contents of the mesh files by their path within the folder.
         order
             Names of parts and screws in the order of the plan.
+        doubtful
+            Names that are tried before all others; if one fails, the others are not tried.
         """
         config = self._check(document, files)
         if isinstance(config, Trial):
@@ -141,7 +147,11 @@ class TaskTrials:
         feasibility = make_feasibility(task, setup)
         try:
             self._forget_far(feasibility, config)
-            failures = dict(self._try_skills(feasibility, config, order))
+            first = [name for name in order if name in doubtful]
+            failures = dict(self._try_skills(feasibility, config, order, first))
+            if failures and not self._watch.must_stop():
+                return Trial(failures=failures)
+            failures |= self._try_skills(feasibility, config, order, order)
             left = [name for name in (*config.parts, *config.screws) if name not in self.granted]
             untried = tuple(
                 name
@@ -243,12 +253,17 @@ class TaskTrials:
                 self._meshes[entry["file"]] = (dict(entry), mesh)
 
     def _try_skills(
-        self, feasibility: Feasibility, config: AssemblyConfig, order: Sequence[str]
+        self,
+        feasibility: Feasibility,
+        config: AssemblyConfig,
+        order: Sequence[str],
+        chosen: Sequence[str],
     ) -> Iterator[tuple[str, Failure]]:
-        """Yield the parts and screws that the arm cannot bring, each with the reason."""
+        """Yield the chosen parts and screws that the arm cannot bring, each with the reason."""
         task = feasibility.task
         skills = {skill.name: skill for skill in task.skills}
-        for number, name in enumerate(order):
+        for name in chosen:
+            number = order.index(name)
             if name in self.granted or (name in config.parts and config.parts[name].fixed):
                 continue
             if self._watch.must_stop():
@@ -345,10 +360,15 @@ def _list_supports(config: AssemblyConfig, name: str) -> list[str]:
 
 
 def _list_motions(task: Task, name: str) -> tuple[object, ...]:
-    """Return the arm and the motions of the skills that bring a part or drive a screw."""
+    """Return the arm, and the skills that bring a part or drive a screw, with their tools."""
     starts = tuple(f"{kind}({name}{end}" for kind in _KINDS for end in (")", "."))
-    own = (skill.motion for skill in task.skills if skill.name.startswith(starts))
-    return (*task.scene.robots, *own)
+    own = [skill for skill in task.skills if skill.name.startswith(starts)]
+    names = {skill.parameters.get("tool") for skill in own}
+    arms = (
+        replace(robot, places={}, tools=tuple(tool for tool in robot.tools if tool.name in names))
+        for robot in task.scene.robots
+    )
+    return (*arms, *((skill.motion, skill.ways) for skill in own))
 
 
 def _list_facts(task: Task, config: AssemblyConfig, before: Sequence[str], name: str) -> set[str]:
