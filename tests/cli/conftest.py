@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from skillplan.cli import main
+from skillplan.domains.assembly import BoardGenerator
 from skillplan.pipeline import registry
 
 ROOT = Path(__file__).parents[2]
@@ -107,6 +108,21 @@ def solved():
 def solved_board(solved, tmp_path_factory):
     """The proved optimum of the inverter board; to be copied by whoever changes it."""
     return solved(tmp_path_factory.mktemp("board") / "run", BOARD, "--solver", "exact")
+
+
+@pytest.fixture(scope="session")
+def seven(tmp_path_factory):
+    """A board of seven parts, whose first plan is not its best one of 5.19890 m."""
+    path = tmp_path_factory.mktemp("seven") / "seven.yaml"
+    path.write_text(BoardGenerator(parts=7, density=0.2, tools=2, seed=1).text(), "utf-8")
+    return str(path)
+
+
+@pytest.fixture(scope="session")
+def solved_within_a_gap(solved, seven, tmp_path_factory):
+    """A plan of seven parts that is not the best, and its bound; to be copied by who changes it."""
+    folder = tmp_path_factory.mktemp("gap") / "run"
+    return solved(folder, seven, "--solver", "exact", "--gap", "0.4")
 
 
 @pytest.fixture(scope="session")

@@ -23,14 +23,14 @@ COMMANDS: dict[str, tuple[tuple[str, ...], int]] = {
     "plugins": (("plugins", "collision"), len(registry.names("collision"))),
     "plugin-options": (("plugins", "collision", "aabb"), 2),
     "no-options": (("plugins", "solver", "exhaustive"), 0),
-    "unsolved": (("search-optimal", "MOTOR", "--solver", "exhaustive", "--time-limit", "0.05"), 0),
+    "unsolved": (("search-optimal", "MANY", "--solver", "exact", "--time-limit", "1e-6"), 0),
 }
 every_command = pytest.mark.parametrize("command", COMMANDS)
 
 
 @pytest.fixture
-def words(command, board, motor):
-    places = {"BOARD": board, "MOTOR": motor}
+def words(command, board, seven):
+    places = {"BOARD": board, "MANY": seven}
     return [places.get(word, word) for word in COMMANDS[command][0]]
 
 

@@ -91,10 +91,10 @@ class TestMemoryLimit:
         assert 0 < document["lower_bound"] < document["cost"]
         assert 0.9 * 64 * MIB < peak < 1.1 * 64 * MIB
 
-    def test_a_limit_that_is_met_already_leaves_no_plan(self, cli, motor):
+    def test_a_limit_that_is_met_already_leaves_no_plan(self, cli, seven):
         """The tests hold more than that: the search ends where it begins."""
         held = bytearray(b"x" * (64 * MIB))
-        outcome = cli("search-optimal", motor, *EXACT, "--memory-limit", "64MiB")
+        outcome = cli("search-optimal", seven, *EXACT, "--memory-limit", "64MiB")
         document = outcome.document
         assert (1, "unsolved") == (outcome.code, document["status"])
         assert document["reason"].startswith("memory limit")
@@ -150,43 +150,35 @@ class TestStall:
 
 
 class TestStart:
-    @pytest.fixture
-    def earlier(self, cli, motor, tmp_path):
-        """A folder with a plan of the larger board that is not the best."""
-        folder = tmp_path / "earlier"
-        words = ("--gap", "0.3", "--out", str(folder))
-        assert "solved" == cli("search-optimal", motor, *EXACT, *words).document["status"]
-        return folder
-
     @pytest.mark.parametrize(
         "named", ["", slow_case("result.json", reason="another name of the same file in every run")]
     )
-    def test_a_search_goes_on_from_an_earlier_result(self, cli, motor, earlier, named):
+    def test_a_search_goes_on_from_an_earlier_result(self, cli, seven, solved_within_a_gap, named):
         """By the folder or the file; the optimum is the same."""
-        start = ("--start", str(earlier / named))
-        document = cli("search-optimal", motor, *EXACT, *start).document
-        assert ("optimal", "11.58291") == (document["status"], f"{document['cost']:.5f}")
+        start = ("--start", str(solved_within_a_gap / named))
+        document = cli("search-optimal", seven, *EXACT, *start).document
+        assert ("optimal", "5.19890") == (document["status"], f"{document['cost']:.5f}")
         assert document["trace"]["start"].startswith("from a plan of ")
 
-    def test_it_is_never_made_worse(self, cli, motor, earlier):
+    def test_it_is_never_made_worse(self, cli, seven, solved_within_a_gap):
         """A search that finds nothing in its time hands over what it was given."""
-        given = json.loads((earlier / "result.json").read_text("utf-8"))
-        words = ("--solver", "exhaustive", "--time-limit", "0.05", "--format", "json")
-        outcome = cli("search-optimal", motor, *words, "--start", str(earlier))
+        given = json.loads((solved_within_a_gap / "result.json").read_text("utf-8"))
+        words = ("--solver", "exhaustive", "--time-limit", "0.001", "--format", "json")
+        outcome = cli("search-optimal", seven, *words, "--start", str(solved_within_a_gap))
         assert (0, "solved") == (outcome.code, outcome.document["status"])
         assert given["actions"] == outcome.document["actions"]
         assert outcome.document["cost"] == pytest.approx(given["cost"], abs=1e-12)
 
-    @pytest.mark.slow(reason="searches twelve parts; JSON tells it in every run")
-    def test_the_table_says_so(self, cli, motor, earlier):
+    def test_the_table_says_so(self, cli, seven, solved_within_a_gap):
         """In a line of its own."""
-        out = cli("search-optimal", motor, "--solver", "exact", "--start", str(earlier)).out
-        assert "\nstart      from a plan of " in out
+        words = ("--solver", "exact", "--start", str(solved_within_a_gap))
+        assert "\nstart      from a plan of " in cli("search-optimal", seven, *words).out
 
-    def test_that_of_another_task_is_refused(self, cli, board, earlier):
+    def test_that_of_another_task_is_refused(self, cli, board, solved_within_a_gap):
         """The message names both."""
-        refusal = cli("search-optimal", board, *EXACT[:2], "--start", str(earlier)).refusal
-        for word in ("is of another task", "motor-drive", "inverter-board"):
+        words = ("--start", str(solved_within_a_gap))
+        refusal = cli("search-optimal", board, *EXACT[:2], *words).refusal
+        for word in ("is of another task", "generated-7-parts-2-tools-seed-1", "inverter-board"):
             assert word in refusal
 
     def test_that_of_the_task_before_a_change_is_replayed(self, cli, board, tmp_path):

@@ -47,9 +47,9 @@ def test_a_time_limit_too_short_for_a_plan_leaves_a_bound(cli, motor):
         slow_case("exhaustive", "0.9", reason="walks the whole board; exact search in every run"),
     ],
 )
-def test_a_gap_is_good_enough(cli, board, motor, solver, gap):
+def test_a_gap_is_good_enough(cli, board, seven, solver, gap):
     """The search ends early, with a gap no larger than asked for."""
-    task = motor if solver == "exact" else board
+    task = seven if solver == "exact" else board
     words = ("search-optimal", task, "--solver", solver, "--format", "json")
     document = cli(*words, "--gap", gap).document
     full = cli(*words).document

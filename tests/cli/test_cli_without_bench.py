@@ -63,10 +63,10 @@ class TestWithoutBench:
         refusal = cli(*(board if word == "BOARD" else word for word in words)).refusal
         assert COMMAND in " ".join(refusal.split())
 
-    def test_the_board_needs_none_of_it(self, cli, board, tmp_path):
-        assert cli("search-optimal", board).code == 0
+    def test_a_board_needs_none_of_it(self, cli, seven, tmp_path):
+        assert cli("search-optimal", seven).code == 0
         page = str(tmp_path / "page.html")
-        assert cli("report", board, "--no-simulation", "--out", page).code == 0
+        assert cli("report", seven, "--no-simulation", "--out", page).code == 0
 
     def test_it_is_listed_nowhere(self, cli):
         assert "swarmitfix" not in cli("plugins").out

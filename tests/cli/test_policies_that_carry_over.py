@@ -19,16 +19,16 @@ def run(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "config",
+    "task",
     [
-        "inverter_board",
-        "relay_rail",
-        slow_case("motor_drive", reason="a search of seconds; two boards in every run"),
+        "board",
+        "seven",
+        slow_case("motor", reason="a search of seconds; two boards in every run"),
     ],
 )
-def test_a_policy_is_tried_on_any_task(cli, run, config):
+def test_a_policy_is_tried_on_any_task(request, cli, run, task):
     """And held against the proved optimum, as a sequence is."""
-    task = str(CONFIGS / f"{config}.yaml")
+    task = request.getfixturevalue(task)
     shown = cli("evaluate", run, "--task", task, "--format", "json")
     assert 0 == shown.code
     assert shown.document["complete"]

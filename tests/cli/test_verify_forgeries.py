@@ -319,14 +319,6 @@ class TestViewsOfAForgedResult:
         assert "is refuted: cost: the plan costs 1.867086014, claimed 0.1" in outcome.err
         assert {"forged"} == {path.name for path in tmp_path.iterdir()}
 
-    def test_what_cannot_be_verified_is_marked_on_the_page(self, cli, genuine, tmp_path):
-        forge(genuine, lambda d: d.update(bound_method="audited by TUEV"))
-        page = tmp_path / "page.html"
-        assert 0 == cli("report", str(genuine), "--no-simulation", "--out", str(page)).code
-        text = page.read_text("utf-8")
-        assert "Verified for this page." in text
-        assert "audited by TUEV, says the result" in text
-
     def test_a_proof_that_was_not_repeated_is_a_claim_of_the_result(
         self, cli, genuine, tmp_path, monkeypatch
     ):
@@ -340,6 +332,16 @@ class TestViewsOfAForgedResult:
         assert "Not verified: optimal (too large)." in text
         drawn = cli("plot", str(genuine), "layout", "--out", str(tmp_path / "layout.png"))
         assert (0, True) == (drawn.code, "not verified: optimal (too large)" in drawn.err)
+
+
+@pytest.mark.parametrize("genuine", ["sop"], indirect=True)
+def test_what_cannot_be_verified_is_marked_on_the_page(cli, genuine, tmp_path):
+    forge(genuine, lambda d: d.update(bound_method="audited by TUEV"))
+    page = tmp_path / "page.html"
+    assert 0 == cli("report", str(genuine), "--no-simulation", "--out", str(page)).code
+    text = page.read_text("utf-8")
+    assert "Verified for this page." in text
+    assert "audited by TUEV, says the result" in text
 
 
 HOSTILE: list[Any] = [

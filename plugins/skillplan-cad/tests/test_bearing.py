@@ -281,8 +281,15 @@ def test_a_shaft_that_lies_in_bores_stays_and_comes_from_the_side():
     plan = Planner(product, known).plan()
     (along,) = [step.along for step in plan.steps if step.parts == ("shaft",)]
     assert abs(along[0]) == pytest.approx(1.0)
-    task = build_task(product, known, plan, bearing=bearing)
-    assert "runs into frame" in task.left_out["shaft"].text, "fingers do not pass the posts"
+
+
+@pytest.mark.slow(reason="tries grasps with swept; the direction in every run")
+def test_a_shaft_in_bores_is_left_out_if_fingers_do_not_pass_the_posts():
+    product = product_of(frame=FRAME - LYING, shaft=LYING)
+    known = related(product)
+    plan = Planner(product, known).plan()
+    task = build_task(product, known, plan, bearing=find_bearing(product, known, UP))
+    assert "runs into frame" in task.left_out["shaft"].text
 
 
 def test_supports_do_not_bear_each_other_in_a_circle():

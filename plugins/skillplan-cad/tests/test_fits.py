@@ -326,6 +326,15 @@ def pinned(tmp_path_factory):
     return out
 
 
+@pytest.fixture(scope="module")
+def pinned_plan(pinned):
+    """Return the result of a search for the pins and the peg."""
+    plan = pinned / "plan"
+    words = ["search-optimal", str(pinned / "product.yaml"), "--collision", "swept"]
+    assert run([*words, "--out", str(plan)]) == 0
+    return str(plan)
+
+
 def read_bodies(path):
     """Return the bodies of an OBJ file as solids [mm]."""
     bodies = trimesh.load(path, process=False).split()
@@ -355,14 +364,12 @@ def test_pieces_of_a_fit_leave_its_clearance_and_the_task_says_which(pinned):
 @pytest.mark.slow(reason="simulates; the shapes are tested in every run")
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
 def test_pins_and_pegs_of_real_fits_go_in_and_the_answer_says_with_which_play(
-    pinned, engine, capsys
+    pinned_plan, engine, capsys
 ):
     if engine == "pybullet" and sys.version_info >= (3, 12):
         pytest.skip("pybullet has no wheels for this Python")
-    task, plan = str(pinned / "product.yaml"), str(pinned / f"plan-{engine}")
-    assert run(["search-optimal", task, "--collision", "swept", "--out", plan]) == 0
     capsys.readouterr()
-    assert run(["simulate", plan, "--physics", engine, "--format", "json"]) == 0
+    assert run(["simulate", pinned_plan, "--physics", engine, "--format", "json"]) == 0
     simulated = json.loads(capsys.readouterr().out)
     assert simulated["feasible"]
     assert simulated["complete"]

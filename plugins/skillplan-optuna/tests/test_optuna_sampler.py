@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -165,36 +166,42 @@ def test_whatever_ends_it_finished_trials_are_kept(tmp_path, blow):
     assert not shown["interrupted"]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def study():
     task = load_problem(CASES).part("base-1")
     values = [("episodes", "50:300"), ("gamma", "0.9:0.99")]
     return plan_sampled(task, "sarsa", values, sampler="optuna", starts=["C20"], runs=2)
 
 
-@pytest.mark.usefixtures("in_this_process")
-def test_another_study_is_refused_and_what_differs_is_named(study, tmp_path):
+@pytest.fixture(scope="module")
+def tried(study, tmp_path_factory):
+    """A folder with one trial of the study; to be copied by who changes it."""
+    folder = tmp_path_factory.mktemp("tried")
+    with studies_in_this_process():
+        do_sampled(*study, open_trials(str(folder), study[0], make_sampler("optuna", {}), 0), 1)
+    return folder
+
+
+def test_another_study_is_refused_and_what_differs_is_named(study, tried):
     plan, job = study
     sampler = make_sampler("optuna", {})
-    trials = open_trials(str(tmp_path), plan, sampler, 0)
-    do_sampled(plan, job, trials, 1)
     task = next(iter(job.tasks.values()))
     other, _ = plan_sampled(
         task, "sarsa", [("episodes", "50:400"), ("gamma", "0.9:0.99")], sampler="optuna", runs=2
     )
     with pytest.raises(OptionError, match=r"in the ranges of the options: 300 there, 400 now"):
-        open_trials(str(tmp_path), other, sampler, 0)
+        open_trials(str(tried), other, sampler, 0)
     with pytest.raises(OptionError, match=r"in the options of the sampler: \"tpe\" there"):
-        open_trials(str(tmp_path), plan, make_sampler("optuna", {"method": "random"}), 0)
+        open_trials(str(tried), plan, make_sampler("optuna", {"method": "random"}), 0)
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_trials_with_failed_runs_are_done_again(study, tmp_path):
+def test_trials_with_failed_runs_are_done_again(study, tried, tmp_path):
     """Also those of which only some runs failed; the study ends with as many trials as before."""
     plan, job = study
     sampler = make_sampler("optuna", {})
-    trials = open_trials(str(tmp_path), plan, sampler, 0)
-    do_sampled(plan, job, trials, 1)
+    folder = str(shutil.copytree(tried, tmp_path / "study"))
+    trials = open_trials(folder, plan, sampler, 0)
     arrived = trials.finished()[0].lines[0]
     failed = [SweepRecord(0, seed, error="out of memory").line() for seed in plan.seeds]
     settings = []
@@ -202,7 +209,7 @@ def test_trials_with_failed_runs_are_done_again(study, tmp_path):
         trial = trials.ask()
         settings.append(trial.values)
         trials.tell(trial, value, lines)
-    again = open_trials(str(tmp_path), plan, sampler, 0)
+    again = open_trials(folder, plan, sampler, 0)
     assert again.done() == 1
     result = do_sampled(plan, job, again, 3)
     assert result.failed == []
@@ -217,11 +224,11 @@ def test_a_folder_of_something_else_is_left_alone(study, tmp_path):
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_runs_in_the_journal_that_are_none_are_refused(study, tmp_path):
+def test_runs_in_the_journal_that_are_none_are_refused(study, tried, tmp_path):
     plan, job = study
     sampler = make_sampler("optuna", {})
-    do_sampled(plan, job, open_trials(str(tmp_path), plan, sampler, 0), 1)
-    path = tmp_path / sampler.keeps
+    folder = shutil.copytree(tried, tmp_path / "study")
+    path = folder / sampler.keeps
     whole = path.read_text("utf-8")
     assert '\\"seed\\": 1' in whole
     for was, then in (
@@ -231,4 +238,4 @@ def test_runs_in_the_journal_that_are_none_are_refused(study, tmp_path):
     ):
         path.write_text(whole.replace(was, then), "utf-8")
         with pytest.raises(OptionError, match="damaged"):
-            do_sampled(plan, job, open_trials(str(tmp_path), plan, sampler, 0), 1)
+            do_sampled(plan, job, open_trials(str(folder), plan, sampler, 0), 1)

@@ -140,7 +140,7 @@ def test_of_a_choice_of_supports_it_waits_for_the_nearest():
 
 def test_it_takes_only_what_is_applicable(motor_drive_task):
     """Whatever it has learned; tools are changed in actions of their own there."""
-    for seed in range(3):
+    for seed in range(2):
         model = make_model(motor_drive_task)
         choose = ElementChoice(a_network(seed), model)
         skills = roll_out(model, choose)

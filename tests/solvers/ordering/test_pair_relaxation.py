@@ -143,7 +143,7 @@ def test_with_its_prices_both_searches_over_subsets_find_the_optimum_or_prove_th
 
 
 @settings(max_examples=examples(50))
-@given(orderings(least=4, most=8, kinds=("zero",)), st.integers(0, 2**32))
+@given(orderings(least=4, most=7, kinds=("zero",)), st.integers(0, 2**32))
 def test_every_order_keeps_every_cut_between_nodes(instance, seed):
     """Found at any point whatever; what flows and what comes before need not even agree there."""
     rng = np.random.default_rng(seed)

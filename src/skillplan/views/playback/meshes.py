@@ -84,10 +84,14 @@ def read_obj(path: Path) -> tuple[Numbers, Triangles]:
     """
     lines = read_bytes(path, _MOST_BYTES).decode("latin-1").splitlines()
     points = [line.split()[1:4] for line in lines if line.startswith("v ")]
-    faces = [line.split()[1:] for line in lines if line.startswith("f ")]
-    corners = [[int(word.partition("/")[0]) - 1 for word in face] for face in faces]
-    triangles = [(face[0], *pair) for face in corners for pair in pairwise(face[1:])]
-    return np.array(points, dtype=np.float64), np.array(triangles, dtype=np.int64)
+    numbers: list[int] = []
+    for line in lines:
+        if line.startswith("f "):
+            first, *others = (int(word.partition("/")[0]) for word in line.split()[1:])
+            for pair in pairwise(others):
+                numbers += (first, *pair)
+    triangles = np.array(numbers, dtype=np.int64).reshape(-1, 3) - 1
+    return np.array(points, dtype=np.float64), triangles
 
 
 def coarsen(points: Numbers, triangles: Triangles, cell_m: float) -> tuple[Numbers, Triangles]:
