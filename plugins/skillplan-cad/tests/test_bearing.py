@@ -391,6 +391,10 @@ def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_mor
     assert "stands lower than all others" in flat.why_not["plate"].text
     standing = product_of(plate=PLATE, sleeve=SLEEVE)
     assert find_best_bearing(standing, related(standing)).up == UP
+    # Both parts stand either way, and the plug comes straight down only with its pocket up.
+    pocket = box(10, -1, 10, 30, 30, 30)
+    shelf = product_of(body=box(0, 0, 0, 40, 40, 40) - pocket, plug=box(10, 5, 10, 30, 30, 30))
+    assert find_best_bearing(shelf, related(shelf)).up == ATTITUDES["-y"]
 
 
 def test_a_round_part_that_lies_does_not_stand_on_the_chord_beneath_it():

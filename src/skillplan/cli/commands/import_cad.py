@@ -212,7 +212,7 @@ def command(
             "--up AXIS",
             PLANNING,
             "Axis of the file that points up: x, y, z, -x, -y, -z, or auto: z, unless more "
-            "parts stand by themselves with another axis.",
+            "parts stand by themselves and come straight down with another axis.",
             parser=one_of(_UPS),
         ),
     ] = "auto",

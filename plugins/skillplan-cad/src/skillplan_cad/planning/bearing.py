@@ -179,10 +179,11 @@ def list_rods(relation: Relation, name: str) -> tuple[str, ...]:
 def find_best_bearing(
     product: Product, relation: Relation, absent: Collection[str] = (), *, holding: bool = False
 ) -> Bearing:
-    """Return the orientation in which most parts stand by themselves, by number and mass.
+    """Return the orientation in which most parts stand by themselves and come straight down.
 
-    Both shares count the same. Ties go to the orientation in which most parts are placed with
-    supports, then to the one with the fewest of them, then to the first.
+    Number and mass count the same, and so do standing and coming from above: a hand meets the
+    product on level moves. Ties go to the orientation in which most parts are placed with supports,
+    then to the one with the fewest of them, then to the first.
     """
     forces = share_equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
@@ -190,21 +191,56 @@ def find_best_bearing(
     best: Bearing | None = None
     best_key = (0.0, 0.0, 0)
 
-    def weigh(bearing: Bearing) -> float:
-        count = len(bearing.order) + len(driven - bearing.undriven.keys())
-        mass = sum(masses[name] for name in bearing.order) / sum(masses.values())
-        return round(count / len(product) + mass, 6)
+    def weigh(names: Collection[str]) -> float:
+        mass = sum(masses[name] for name in names if name not in driven) / sum(masses.values())
+        return round(len(names) / len(product) + mass, 6)
+
+    def list_brought(bearing: Bearing) -> set[str]:
+        return {*bearing.order, *(driven - bearing.undriven.keys())}
 
     for up in ATTITUDES.values():
         bearing = find_bearing(product, relation, up, absent, forces, holding=holding)
         alone = find_bearing(product, relation, up, absent, forces) if bearing.held else bearing
-        key = (weigh(alone), weigh(bearing), -len(bearing.held))
+        brought, straight = list_brought(bearing), list_straight(relation, bearing) - {*absent}
+        key = (
+            weigh(list_brought(alone)) + weigh(straight),
+            weigh(brought),
+            -len(bearing.held),
+        )
         if best is None or key > best_key:
             best, best_key = bearing, key
-        if not (best.why_not or best.undriven or best.held):
-            break
+            if not (best.why_not or best.undriven or best.held) and straight >= brought:
+                break
     assert best is not None
     return best
+
+
+def list_straight(relation: Relation, bearing: Bearing) -> set[str]:
+    """Return the parts and screws that come straight down in the order of a bearing."""
+    straight, before = set[str](), 0
+    for name in bearing.order:
+        if can_come_down(relation, name, before, bearing.up):
+            straight.add(name)
+        before |= 1 << relation.index(name)
+    screws = relation.driven - bearing.undriven.keys()
+    return straight | {name for name in screws if can_come_down(relation, name, 0, bearing.up)}
+
+
+def can_come_down(relation: Relation, name: str, before: int, up: Vector) -> bool:
+    """Return whether a part comes straight down past others, or a screw is driven from above.
+
+    Parameters
+    ----------
+    before
+        Parts that are in place, as bits.
+    """
+    fastener = relation.fastener(name)
+    if name in relation.driven and fastener is not None:
+        return float(np.dot(fastener.axis, up)) > _ALONG
+    return any(
+        not blockers & before and float(np.dot(relation.directions[direction], up)) > _ALONG
+        for direction, blockers in relation.blocker_sets[relation.index(name)]
+    )
 
 
 def list_required(relation: Relation, name: str, up: Vector) -> tuple[str, ...]:

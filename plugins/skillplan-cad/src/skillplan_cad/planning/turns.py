@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 
-import numpy as np
-
 from skillplan_cad.planning.bearing import (
     ATTITUDES,
     Bearing,
+    can_come_down,
     find_bearing,
     hold_mates,
     list_required,
@@ -25,8 +24,6 @@ from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
 
-# Cosine of two directions that are one.
-_ALONG = 0.999
 # Largest number of turns, and of held parts that are tried after a turn.
 _MOST_TURNS, _MOST_TRIED = 3, 8
 
@@ -148,17 +145,7 @@ def _rank(relation: Relation, bearing: Bearing) -> tuple[int, int, int]:
     placed = encode_set(
         [relation.index(name) for name in bearing.order if name not in bearing.turned]
     )
-    straight = 0
-    for name, up in bearing.turned.items():
-        fastener = relation.fastener(name)
-        ways = [
-            relation.directions[direction]
-            for direction, blockers in relation.blocker_sets[relation.index(name)]
-            if not blockers & placed
-        ]
-        if name in relation.driven and fastener is not None:
-            ways = [fastener.axis]
-        straight += any(float(np.dot(way, up)) > _ALONG for way in ways)
+    straight = sum(can_come_down(relation, name, placed, up) for name, up in bearing.turned.items())
     return len(bearing.turned), straight, -len(bearing.held)
 
 

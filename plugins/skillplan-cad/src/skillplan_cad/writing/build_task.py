@@ -18,6 +18,7 @@ from skillplan_cad.planning.bearing import (
     find_best_bearing,
     hold_mates,
     list_required,
+    list_straight,
 )
 from skillplan_cad.planning.turns import add_turns, list_placed
 from skillplan_cad.planning.watch import Watch
@@ -130,16 +131,16 @@ def build_task(
     best = build(first, robot)
     most = _weigh(product, best.names)
     enough = _ENOUGH * _weigh(product, _list_promised(relation, first))
-    ranked = sorted(
-        (
-            (_weigh(product, _list_promised(relation, other, best)), other)
-            for other in (others if most < enough else ())
-            if other.up != first.up
-        ),
-        key=lambda pair: -pair[0],
+    promised_by = [
+        (other, _list_promised(relation, other, best))
+        for other in (others if most < enough else ())
+        if other.up != first.up
+    ]
+    promised_by.sort(
+        key=lambda pair: -_weigh(product, pair[1] & list_straight(relation, pair[0])),
     )
-    for promised, other in ranked[:_MOST_ORIENTATIONS]:
-        if promised > most and not watch.must_stop():
+    for other, promised in promised_by[:_MOST_ORIENTATIONS]:
+        if _weigh(product, promised) > most and not watch.must_stop():
             task = build(other, robot, best)
             if _is_better(product, task, best):
                 best, most = task, _weigh(product, task.names)

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from skillplan_cad.product import Points, Triangles, make_solid
 
-Pieces = tuple[tuple[Points, Triangles], ...]
+Mesh = tuple[Points, Triangles]
+Pieces = tuple[Mesh, ...]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Normal = tuple[float, float, float]
@@ -94,10 +95,8 @@ def decompose_convex(
     numbers = count()
     most = count_most_pieces(hollows, most)
 
-    def add(solid: manifold3d.Manifold) -> None:
-        for body in solid.decompose():
-            if body.volume() < _LEAST_MM3:
-                continue
+    def add(bodies: Iterable[manifold3d.Manifold]) -> None:
+        for body in bodies:
             hull = body.hull()
             excess, gap = _find_worst_gap(hull, body, allowed_m, hollows)
             if excess <= 1:
@@ -105,17 +104,23 @@ def decompose_convex(
             else:
                 heapq.heappush(waiting, (-excess, next(numbers), body, gap))
 
-    add(whole)
+    add(_list_bodies(whole))
     while waiting and len(done) + len(waiting) < most:
         _, _, body, gap = heapq.heappop(waiting)
         halves = _cut(body, gap, hollows)
-        if halves is None:
+        bodies = [own for half in halves or () for own in _list_bodies(half)]
+        if bodies and len(done) + len(waiting) + len(bodies) <= most:
+            add(bodies)
+        else:
+            # No cut is possible, or its halves fall into more bodies than there is room for.
             done.append(body.hull())
-            continue
-        for half in halves:
-            add(half)
     done += [body.hull() for _, _, body, _ in waiting]
     return tuple(piece for piece in map(build_mesh, done) if piece is not None)
+
+
+def _list_bodies(solid: manifold3d.Manifold) -> list[manifold3d.Manifold]:
+    """Return the separate bodies of a solid, without residues of rounding."""
+    return [body for body in solid.decompose() if body.volume() >= _LEAST_MM3]
 
 
 def count_most_pieces(hollows: Sequence[Hollow], most: int = MOST_PIECES) -> int:
@@ -141,7 +146,7 @@ def measure_excess_m(
     return widest_mm / _TO_MM
 
 
-def build_mesh(hull: manifold3d.Manifold) -> tuple[Points, Triangles] | None:
+def build_mesh(hull: manifold3d.Manifold) -> Mesh | None:
     """Return a hull with vertices rounded as in a file, or None if rounding flattens it."""
     mesh64 = hull.to_mesh64()
     points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
