@@ -293,7 +293,7 @@ def test_of_two_walls_that_leave_no_room_for_fingers_one_is_in_no_order():
                 [box(10, y, 20, 110, y + 4, 21), box(40, y, 79, 80, y + 4, 80)]
             ),
         )
-        for name, y in (("left", 20), ("right", 29))
+        for name, y in (("left", 20), ("right", 25.5))
     ]
     task = assembled(("block", box(0, 0, 0, 120, 60, 20)), *walls)
     ((name, reason),) = task.left_out.items()
@@ -354,14 +354,24 @@ class StoppedSearch(Watch):
         return self.left < 0
 
 
-def assembled(*solids, watch=None):
+def assembled(*solids, watch=None, up=None):
     """Return the task of parts of steel."""
     parts = Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)
     known = related(parts)
-    bearing = find_best_bearing(parts, known)
+    bearing = find_bearing(parts, known, up) if up else find_best_bearing(parts, known)
     grounded = [name for name in bearing.order if not bearing.on[name]]
     plan = Planner(parts, known).plan(None, bearing.up, grounded)
     return build_task(parts, known, plan, bearing=bearing, watch=watch)
+
+
+@pytest.mark.slow
+def test_thin_tips_put_a_part_next_to_the_walls_of_its_pocket():
+    """Gaps of 2.5 and 0.6 mm; fingers are 14 mm thick, and open by 4 mm on each side."""
+    case = box(0, 0, 0, 60, 60, 12) - box(2, 2, 5, 58, 58, 30)
+    task = assembled(("case", case), ("spacer", box(4.5, 2.6, 5, 10, 8.1, 12)), up=UP)
+    assert not task.left_out
+    assert task.document["parts"]["spacer"]["tool"] == "finger_tips"
+    assert task.document["tools"]["finger_tips"]["clearance_m"] == 0.001
 
 
 @pytest.mark.slow

@@ -103,9 +103,10 @@ def test_what_friction_cannot_hold_slips(mass_kg, held_m, mm, deg):
     assert turn_deg > deg
 
 
-def test_finger_tips_as_thick_as_two_margins_hold_a_part():
+def test_finger_tips_thinner_than_two_margins_hold_a_part():
     """Jaws are drawn smaller by a margin: tips of 4 mm were flat, and MuJoCo refused the cell."""
-    profile_m = [[0.0, 0.003, 0.0, 0.004], [0.05, 0.003, 0.0, 0.004]]
+    tips_m = [[0.0, 0.002, 0.0, 0.0012], [0.006, 0.002, 0.0, 0.0012]]
+    profile_m = [*tips_m, [0.0085, 0.003, 0.0, 0.004], [0.05, 0.003, 0.0, 0.004]]
     slip_mm, _ = Held(task_with(BLOCK, 0.1, jaw_profile_m=profile_m)).swung()
     assert slip_mm < 0.1
 

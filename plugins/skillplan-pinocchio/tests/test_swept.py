@@ -91,9 +91,9 @@ class TestReach:
 
 
 class TestHand:
-    def neighbour(self, gap_m, **more):
+    def neighbour(self, gap_m, tool=None, **more):
         """Return the verdict on a block that is put beside another, so far along the jaws."""
-        content = shelf()
+        content = shelf(tools={"gripper": {"holder_m": [0.6, 0.3], **(tool or {})}})
         # The part is 30 mm wide along the jaws, and so is its neighbour.
         x_m = 0.5 + 0.03 + gap_m
         content["parts"]["post"] = block([0.6, -0.25], [x_m, 0.0], [0.03, 0.04, 0.02])
@@ -113,8 +113,9 @@ class TestHand:
             assert "placed(post)" in verdict.facts
 
     def test_jaws_that_hardly_open_need_less_room(self):
-        """The clearance is an option; where they do not open, only the fingers count."""
+        """The clearance is an option, or the tool's; closed, only the fingers count."""
         assert self.neighbour(0.017, clearance_m=0.001).is_feasible
+        assert self.neighbour(0.017, {"clearance_m": 0.001}).is_feasible
         verdict = self.neighbour(0.017)
         assert verdict.evidence["during"] == "the retreat"
         assert self.neighbour(0.014).evidence["during"] == "the approach"

@@ -512,10 +512,12 @@ def choose_opening_m(
     Parameters
     ----------
     clearance_m
-        Clearance on each side [m], >= 0; limited by the opening.
+        Clearance on each side [m], >= 0, unless the tool has its own; limited by the opening.
     """
     if grasp.kind is GraspKind.SUCTION:
         return 0.0
+    if tool is not None and tool.clearance_m is not None:
+        clearance_m = tool.clearance_m
     if grasp.is_inner:
         return max(grasp.width_m - grasp.inside_m - 2 * clearance_m, 0.0)
     return min(grasp.width_m + 2 * clearance_m, find_opening_m(tool, hand))

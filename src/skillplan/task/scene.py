@@ -320,6 +320,8 @@ class Tool:
     outer_m
         Least and greatest width of a part that the jaws hold from outside [m]; None for all that
         they open.
+    clearance_m
+        Clearance of its open jaws on each side of a part [m], >= 0; None for that of the back end.
     is_socket
         True if a socket takes the place of the bit of a screwdriver, as one of `shapes`.
     mount
@@ -344,6 +346,7 @@ class Tool:
     outer_m: tuple[float, float] | None = None
     mount: Pose | None = None
     is_socket: bool = False
+    clearance_m: float | None = None
 
     @property
     def tip_on_arm(self) -> Pose:

@@ -161,7 +161,9 @@ def make_jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
     if far_m - near_m > _THINNEST_M:
         pieces.append(_make_block((-half_m, near_m, -high_m), (half_m, far_m, -low_m), side))
     for below, above in pairwise(hand.jaw_m):
-        if above[0] - below[0] <= 2 * MARGIN_M:
+        # The block, whose face is flat, is as thick as thin tips.
+        is_thin = max(below[3], above[3]) - near_m - _BEHIND_FACE_M <= _THINNEST_M
+        if above[0] - below[0] <= 2 * MARGIN_M or is_thin:
             continue
         corners = [
             (x_m, side * max(y_m, near_m + _BEHIND_FACE_M), hand.beyond_m - height_m)

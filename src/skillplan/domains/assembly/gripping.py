@@ -146,6 +146,7 @@ _FLATS_M = 5e-5
 # Keys of tools that only some types have, with what the others lack.
 _OF_TYPES = {
     "opening_m": (ToolKind.GRIPPER, "jaws"),
+    "clearance_m": (ToolKind.GRIPPER, "jaws"),
     "jaw_profile_m": (ToolKind.GRIPPER, "jaws"),
     "fingers": (ToolKind.GRIPPER, "fingers"),
     "outer_grip_m": (ToolKind.GRIPPER, "jaws"),

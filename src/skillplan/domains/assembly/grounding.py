@@ -1167,4 +1167,5 @@ def _build_tool(config: AssemblyConfig, name: str) -> Tool:
         outer_m=entry.outer_m,
         mount=entry.find_mount(kind, hand),
         is_socket=entry.socket_m is not None,
+        clearance_m=entry.clearance_m,
     )

@@ -72,6 +72,12 @@ class ToolConfig(Strict):
         None,
         description="greatest distance between the jaws of a gripper [m]; left out: not modelled",
     )
+    clearance_m: Annotated[float, Field(ge=0, le=0.04)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="clearance of the open jaws of a gripper on each side of a part [m]; left out: "
+        "option 'clearance_m' of the back end",
+    )
     force_n: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
         None,
         description="greatest force of a gripper, suction cup or press [N]; left out: default of "

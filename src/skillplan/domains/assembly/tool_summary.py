@@ -22,6 +22,7 @@ from skillplan.task.scene import STANDARD_CUP_M, Tool, ToolKind
 # Keys that are facts of their own in a table, with their units, in order.
 _FACTS: Final = (
     ("opening_m", "m"),
+    ("clearance_m", "m"),
     ("outer_grip_m", "m"),
     ("inner_grip_m", "m"),
     ("cup_diameter_m", "m"),

@@ -52,13 +52,18 @@ EXTENSIONS = ("", "long_", "longest_")
 """Names of their bits: the shortest that reaches past the parts beside a screw is taken."""
 
 TIPS_PROFILE_M = (
-    (0.0, 0.003, 0.0, 0.004),
+    (0.0, 0.002, 0.0, 0.0012),
+    (0.006, 0.002, 0.0, 0.0012),
+    (0.0085, 0.003, 0.0, 0.004),
     (0.04, 0.003, 0.0, 0.004),
     (0.047, 0.0089, 0.0, 0.0144),
     (0.0538, 0.0106, 0.0, 0.0265),
 )
-"""Finger tips for small parts, 6 mm wide and 40 mm long, which reach down beside walls; rows as in
-`jaw_profile_m`. In steel they bend by 0.02 mm at 6 N."""
+"""Finger tips for small parts, 6 mm wide and 40 mm long, the last 6 mm 4 mm wide and 1.2 mm thick:
+they reach down beside walls. Rows as in `jaw_profile_m`. In steel they bend by 0.02 mm at 6 N."""
+
+TIPS_CLEARANCE_M = 1e-3
+"""Clearance of the open tips on each side of a part [m]: feeders present small parts closely."""
 
 # Area of each jaw and distance from the centre of mass of a grasp that comes before a cup [m2, m].
 _GOOD_M2, _NEAR_M = 6e-6, 0.012
@@ -112,6 +117,12 @@ class Held:
         return part.mass_kg + (equip_hand(hand, self.tool)[1] if in_catalogue else hand.mass_kg)
 
     @property
+    def is_thick(self) -> bool:
+        """True for fingers from above that need more room than finger tips."""
+        from_above = not any("approach" in grasp for grasp in self.grasps)
+        return from_above and (self.tool == GRIPPER or self.tool in GRIPPERS)
+
+    @property
     def entry(self) -> dict[str, Any]:
         """Keys ``tool`` and ``grasp``."""
         grasps = [dict(grasp) for grasp in self.grasps]
@@ -155,7 +166,7 @@ def list_holds(
         yield _hold(GRIPPER, above)
     yield from _hold_by_cup(finder, SMALL_CUP)
     tips = replace(hand, jaw_m=TIPS_PROFILE_M, jaw_corners_m=())
-    by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m)
+    by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m, clearance_m=TIPS_CLEARANCE_M)
     if by_tips:
         yield _hold(TIPS, by_tips)
     sides = finder.list_sides()
@@ -261,6 +272,8 @@ class PartHolds:
         self._choices: dict[str, Iterator[Held]] = {}
         self._chosen: dict[str, Held] = {}
         self._failures: dict[str, Failure] = {}
+        # Parts beside which not even finger tips have room.
+        self._narrow: set[str] = set()
         self._extensions: dict[str, int] = {}
         self._order: tuple[str, ...] = ()
         self._on: Mapping[str, tuple[str, ...]] = {}
@@ -360,8 +373,12 @@ class PartHolds:
             return False
         if name not in self._choices:
             self._choices[name] = self._list_holds(self._get_part(name))
-        part = self._get_part(name)
+        part, before = self._get_part(name), self._chosen.get(name)
+        if failure is not None and failure.is_by_fingers and before and before.tool == TIPS:
+            self._narrow.add(name)
         for held in self._choices[name]:
+            if name in self._narrow and held.is_thick:
+                continue
             tool_kg = held.compute_load_kg(part, self._hand) - part.mass_kg
             if self._describe_load(part, tool_kg, held.tool) is None:
                 self._chosen[name] = held

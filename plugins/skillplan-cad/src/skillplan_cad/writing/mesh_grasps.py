@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ Entry = dict[str, Any]
 _FRICTION = 0.6
 # Distance of a surface from a jaw's face at which it still bears the jaw [m].
 _NEAR_M = 1.5e-4
-# Clearance of open jaws on either side of a part, and of a jaw from other material [m].
+# Usual clearance of open jaws on either side of a part, and that of a jaw from other material [m].
 _OPEN_M, _CLEAR_M = 4e-3, 5e-4
 # Play between jaws and part at the widest opening; and clearance of fingertips above the bottom of
 # a part [m], the latter at most a share of its height.
@@ -148,6 +149,7 @@ class GraspFinder:
         approaches: Sequence[tuple[float, float, float]],
         sunk_m: float,
         raised_m: float = 0.0,
+        clearance_m: float = _OPEN_M,
     ) -> list[JawGrasp]:
         """Return the best grasps from some sides, the best first.
 
@@ -160,12 +162,15 @@ class GraspFinder:
             if they can.
         raised_m
             Height of the part's bottom at its start [m].
+        clearance_m
+            Clearance of open jaws on each side of the part [m].
         """
+        jaws = _Jaws(hand, clearance_m)
         candidates = [
             grasp
             for approach in approaches
             for closing in self._list_closings(approach)
-            for grasp in self._search(hand, np.array(approach), closing, sunk_m, raised_m)
+            for grasp in self._search(jaws, np.array(approach), closing, sunk_m, raised_m)
         ]
         # The best of each side, closing direction and depth first: a neighbour may be in the way of
         # deep fingers, and a rim in the way of shallow ones.
@@ -202,16 +207,17 @@ class GraspFinder:
         yield from (c for c in listed if abs(out[2]) > 0.5 or abs(c[2]) < _ALMOST)
 
     def _search(
-        self, hand: Hand, approach: Floats, closing: Floats, sunk_m: float, raised_m: float
+        self, jaws: _Jaws, approach: Floats, closing: Floats, sunk_m: float, raised_m: float
     ) -> Iterator[JawGrasp]:
         """Yield the grasps of jaws that close in one direction, with the best of each depth."""
+        hand = jaws.hand
         field = self._trace(approach, closing)
         centre = field.frame @ self._centre_m
         from_top = approach[2] < -0.5
         lowest_m = min(_ABOVE_M, _ABOVE_SHARE * float(np.ptp(self._local[:, 2])))
         for column in field.list_columns(float(centre[0])):
             for tip in field.list_tips(column):
-                for patch in field.find_patches(column, tip, hand):
+                for patch in field.find_patches(column, tip, jaws):
                     across = patch.across_m
                     if abs(across - centre[0]) <= field.cell_m[0] / 2 + _ALMOST:
                         across = float(centre[0])
@@ -258,6 +264,14 @@ class GraspFinder:
         stiff_m = soft_m + patch.reach_m + _FRICTION * patch.width_m / 2
         shares = (1 / _FRICTION, twist_m / soft_m, tilt_m / stiff_m)
         return weight_n / both_n * float(np.linalg.norm(shares)) <= _LOAD_SHARE
+
+
+@dataclass(frozen=True, slots=True)
+class _Jaws:
+    """A hand and the clearance of its open jaws on each side of a part [m]."""
+
+    hand: Hand
+    clearance_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -349,9 +363,9 @@ class _Field:
         depths = {depth for depth in _DEPTHS_M if depth < thick} | {thick / 2, 0.7 * thick}
         return [float(top - depth) for depth in sorted(depths)]
 
-    def find_patches(self, column: int, tip: float, hand: Hand) -> Iterator[_Patch]:
+    def find_patches(self, column: int, tip: float, jaws: _Jaws) -> Iterator[_Patch]:
         """Yield the patches on which jaws with their tips at a height close, by layer."""
-        half_m, length_m = hand.jaw_half_width_m, hand.jaw_m[-1][0]
+        half_m, length_m = jaws.hand.jaw_half_width_m, jaws.hand.jaw_m[-1][0]
         rows = (self.out_m > tip) & (self.out_m < tip + length_m)
         columns = np.abs(self.across_m - self.across_m[column]) <= half_m
         if not rows.any():
@@ -368,7 +382,7 @@ class _Field:
             # Jaws may close on one wall, or on several from outside, as on a ring.
             for _, end in own[first:]:
                 between = (begin, end)
-                patch = self._close(column, tip, hand, begins, ends, between, rows, columns)
+                patch = self._close(column, tip, jaws, begins, ends, between, rows, columns)
                 if patch is not None:
                     yield patch
 
@@ -376,7 +390,7 @@ class _Field:
         self,
         column: int,
         tip: float,
-        hand: Hand,
+        jaws: _Jaws,
         begins: Floats,
         ends: Floats,
         between: tuple[float, float],
@@ -391,7 +405,7 @@ class _Field:
         left = float(begins[around].min())
         right = float(ends[around].max())
         width = right - left
-        if not _CLEAR_M < width <= hand.opening_m - _PLAY_M:
+        if not _CLEAR_M < width <= jaws.hand.opening_m - _PLAY_M:
             return None
         touches = [around & (begins <= left + _NEAR_M), around & (ends >= right - _NEAR_M)]
         self._drop_slopes(touches, rows, columns, (left, right))
@@ -404,9 +418,10 @@ class _Field:
         )
         spots = [places[mask.any(axis=2)] for mask in touches]
         middles = [spot.mean(axis=0) for spot in spots]
-        if float(np.abs(middles[0] - middles[1]).max()) > max(2e-3, 0.25 * hand.jaw_half_width_m):
+        most_m = max(2e-3, 0.25 * jaws.hand.jaw_half_width_m)
+        if float(np.abs(middles[0] - middles[1]).max()) > most_m:
             return None
-        if not self._is_clear(column, tip, hand, left, right):
+        if not self._is_clear(column, tip, jaws, left, right):
             return None
         centre = (middles[0] + middles[1]) / 2
         reach = min(
@@ -445,14 +460,15 @@ class _Field:
                 where = (border, slips) if axis == 0 else (slips, border)
                 mask[where] = False
 
-    def _is_clear(self, column: int, tip: float, hand: Hand, left: float, right: float) -> bool:
+    def _is_clear(self, column: int, tip: float, jaws: _Jaws, left: float, right: float) -> bool:
         """Return True if open jaws and the hand's body above them meet no material."""
-        middle = (left + right) / 2
-        open_m = min(right - left + 2 * _OPEN_M, hand.opening_m)
+        middle, hand = (left + right) / 2, jaws.hand
+        open_m = min(right - left + 2 * jaws.clearance_m, hand.opening_m)
         begin_m, end_m = middle - open_m / 2, middle + open_m / 2
-        for height, half, _, behind in hand.jaw_m:
-            above = self.out_m - tip
-            rows = (above >= height - 0.02) & (above <= height + 0.02) & (above > 0)
+        above = self.out_m - tip
+        for lower, upper in pairwise(hand.jaw_m):
+            half, behind = max(lower[1], upper[1]), max(lower[3], upper[3])
+            rows = (above >= lower[0]) & (above <= upper[0] + self.cell_m[1]) & (above > 0)
             columns = np.abs(self.across_m - self.across_m[column]) <= half + _CLEAR_M
             begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
             hits_left = (begins < left - _CLEAR_M) & (ends > begin_m - behind)

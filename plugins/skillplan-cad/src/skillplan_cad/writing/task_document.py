@@ -51,6 +51,7 @@ from skillplan_cad.writing.held_part import (
     SMALL_CUP,
     SOCKETS,
     TIPS,
+    TIPS_CLEARANCE_M,
     TIPS_PROFILE_M,
     WIDE_CUP,
     PartHolds,
@@ -375,6 +376,7 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
             tools[name]["force_n"] = _compute_grip_n(max(masses_kg), hand.force_n)
         if name == TIPS:
             tools[name]["jaw_profile_m"] = [list(row) for row in TIPS_PROFILE_M]
+            tools[name]["clearance_m"] = TIPS_CLEARANCE_M
         if name in CUPS_M and name != CUP:
             tools[name]["cup_diameter_m"] = CUPS_M[name]
         if drives:

@@ -49,6 +49,11 @@ class Failure:
     is_blocked: bool = False
     falls: bool = False
 
+    @property
+    def is_by_fingers(self) -> bool:
+        """True if fingers meet another part with every grasp, so thicker ones do, too."""
+        return all("a finger runs into" in clause for clause in self.text.split("; "))
+
 
 @dataclass(frozen=True, slots=True)
 class Trial:
@@ -426,7 +431,8 @@ def _describe(verdict: Verdict, kind: str, name: str) -> Failure:
     ways: Mapping[str, str] = verdict.evidence.get("ways", {"": verdict.reason})
     return Failure(
         f"{kind}: {verdict.reason}",
-        "missed_by_m" in verdict.evidence,
+        "missed_by_m" in verdict.evidence
+        or all("the hand cannot point" in reason for reason in ways.values()),
         all(
             f"{name} runs into" in reason and "insertion" not in reason for reason in ways.values()
         ),
