@@ -80,12 +80,12 @@ def test_what_ends_just_below_the_underside_of_a_mesh_is_as_deep_as_its_way_out(
     corners = compute_box_corners(Box((0.06, 0.06, 0.005), (0.0, 0.0, 0.0025)))
     triangles = ConvexPiece(corners).surface
     roof = Obstacle("roof", "placed(roof)", (SurfacePiece(*triangles),))
-    sweep = Sweep(
-        "", "it", (piece((0.03, 0.03, 0.03), (0.03, 0.0, 0.0149)),), (0.0, 0.0, 0.0), NONE
-    )
-    touch = sweep.touch(roof, 2e-4, 4)
+    block = piece((0.03, 0.03, 0.03), (0.03, 0.0, 0.0149))
+    touch = Sweep("", "it", (block,), (0.0, 0.0, 0.0), NONE).touch(roof, 2e-4, 4)
     assert touch is not None
     assert touch.penetration_m == pytest.approx(0.0051, abs=2e-4)
+    # Turns and fits measure the same.
+    assert measure_distance(block, *roof.pieces).distance_m == pytest.approx(-touch.penetration_m)
 
 
 def test_the_first_touch_is_said():

@@ -31,6 +31,9 @@ _TABLE_THICKNESS_M: Final = 1.0
 # Largest number of triangles in which the depth of an overlap is measured.
 _MOST_TOUCHES: Final = 2_000
 
+# Triangles in a tree of boxes.
+_TREE: Final = coal.BVHModelOBBRSS
+
 STILL: Final = coal.Transform3s()
 """The placement of a geometry that is not moved."""
 
@@ -156,7 +159,7 @@ class SurfacePiece(ConvexPiece):
         points.extend(list(self.corners))
         for a, b, c in self.faces.tolist():
             triangles.append(coal.Triangle(a, b, c))
-        tree = coal.BVHModelOBBRSS()
+        tree = _TREE()
         tree.beginModel(len(triangles), len(points))
         tree.addSubModel(points, triangles)
         tree.endModel()
@@ -197,23 +200,32 @@ def measure_distance(
 
 
 def measure_geometry_distance(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness:
-    """Return the distance between two geometries of coal at their placements."""
+    """Return the distance between two geometries of coal at their placements.
+
+    The depth of a convex body in a tree of triangles is that of the deepest triangle: no move
+    shorter than this parts the two, whereas coal's distance is that of the first one it finds.
+    """
     result = coal.DistanceResult()
     distance_m = coal.distance(geometry, at, other, other_at, coal.DistanceRequest(), result)
+    if distance_m <= 0 and isinstance(other, _TREE) and not isinstance(geometry, _TREE):
+        deepest = _measure_depth(geometry, at, other, other_at)
+        if deepest is not None:
+            return deepest
     middle = (result.getNearestPoint1() + result.getNearestPoint2()) / 2
     x, y, z = (round(float(value), 6) for value in middle)
     return Nearness(float(distance_m), (x, y, z))
 
 
 def measure_overlap(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness | None:
-    """Return the distance between two geometries of coal if they overlap, else None.
+    """Return the distance between two geometries of coal if they overlap, else None."""
+    if isinstance(other, _TREE):
+        return _measure_depth(geometry, at, other, other_at)
+    nearness = measure_geometry_distance(geometry, at, other, other_at)
+    return nearness if nearness.distance_m < 0 else None
 
-    With a tree of triangles, its amount is that of the deepest triangle: no move shorter than this
-    parts the two, whereas the distance to the tree is that of the shallowest one.
-    """
-    if not isinstance(other, coal.BVHModelOBBRSS):
-        nearness = measure_geometry_distance(geometry, at, other, other_at)
-        return nearness if nearness.distance_m < 0 else None
+
+def _measure_depth(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness | None:
+    """Return the depth of the deepest triangle, or None if none is penetrated."""
     request, found = coal.CollisionRequest(), coal.CollisionResult()
     request.enable_contact, request.num_max_contacts = True, _MOST_TOUCHES
     if not coal.collide(geometry, at, other, other_at, request, found):
