@@ -221,10 +221,13 @@ def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, scre
 
 
 def test_a_body_that_touches_itself_along_an_edge_is_in_the_task():
-    """Two posts that meet in an edge, on a plate."""
-    posts = box(0, 0, 20, 20, 20, 60) + box(20, 20, 20, 40, 40, 60) + box(0, 0, 20, 40, 40, 30)
-    task = build_task(*relate(product_of({"base": box(-20, -20, 0, 60, 60, 20), "posts": posts})))
-    assert set(task.names) == {"base", "posts"}
+    """Two posts that meet in an edge, on a plate; without it, each is a mesh of its own."""
+    posts = box(0, 0, 20, 20, 20, 60) + box(20, 20, 20, 40, 40, 60)
+    base, plate = box(-20, -20, 0, 60, 60, 20), box(0, 0, 20, 40, 40, 30)
+    for solid, count in ((posts + plate, 1), (posts, 2)):
+        task = build_task(*relate(product_of({"base": base, "posts": solid})))
+        assert set(task.names) == {"base", "posts"}
+        assert len(task.document["parts"]["posts"]["meshes"]) == count
 
 
 def finder_of(solid, name="part"):

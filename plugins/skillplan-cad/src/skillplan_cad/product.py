@@ -201,8 +201,19 @@ def simplify_mesh(
 
     bodies = make_solid(vertices_m, triangles).decompose()
     whole = manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
-    mesh64 = whole.simplify(error_m * 1e3).to_mesh64()
     if whole.is_empty():
         return vertices_m, triangles
+    return _build_mesh(whole.simplify(error_m * 1e3))
+
+
+def split_bodies(vertices_m: Points, triangles: Triangles) -> list[tuple[Points, Triangles]]:
+    """Return the bodies of a mesh; none if it is not closed, or if one of them is a cavity."""
+    bodies = make_solid(vertices_m, triangles).decompose()
+    has_cavity = any(body.volume() < 0 for body in bodies)
+    return [] if has_cavity else [_build_mesh(body) for body in bodies]
+
+
+def _build_mesh(solid: manifold3d.Manifold) -> tuple[Points, Triangles]:
+    mesh64 = solid.to_mesh64()
     points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3] / 1e3
     return points, np.asarray(mesh64.tri_verts, dtype=np.int64)

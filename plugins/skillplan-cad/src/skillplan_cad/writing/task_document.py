@@ -36,6 +36,7 @@ from skillplan_cad.product import (
     Vector,
     has_proper_edges,
     simplify_mesh,
+    split_bodies,
 )
 from skillplan_cad.relation import Fastener, LeftOut, Relation
 from skillplan_cad.writing.fit_play import choose_direction, list_free_directions
@@ -1141,11 +1142,12 @@ class TaskWriter:
         bottom = np.array(own.bottom(part))
         meshes = self.shared.of_part.get(part.name)
         if meshes is None:
-            meshes = (self._prepare_mesh(part, own.vertices(part) - bottom),)
+            meshes = self._prepare_meshes(part, own.vertices(part) - bottom)
             self.shared.of_part[part.name] = meshes
-        if len(meshes[0][1]) < len(part.triangles):
+        count = sum(len(triangles) for _, triangles in meshes)
+        if count < len(part.triangles):
             words = "is written with {:,} of its {:,} triangles, at most {:g} mm off"
-            numbers = len(meshes[0][1]), len(part.triangles), self._get_mesh_error_m(part) * 1e3
+            numbers = count, len(part.triangles), self._get_mesh_error_m(part) * 1e3
             self._note(part.name, words.format(*numbers))
         fixed = part.name in self.holds.fixed
         entry: dict[str, Any] = {"fixed": True} if fixed else self.holds.held(part.name).entry
@@ -1213,14 +1215,22 @@ class TaskWriter:
                         above_m = max(above_m, length_m)
         return round(above_m, 4) if above_m > beside_m else None
 
-    def _prepare_mesh(self, part: Part, vertices_m: Points) -> tuple[Points, Triangles]:
-        """Return a mesh that a task accepts: each edge between two faces, and not too large."""
+    def _prepare_meshes(self, part: Part, vertices_m: Points) -> Meshes:
+        """Return meshes that a task accepts: each edge between two faces, and not too large.
+
+        One mesh, unless bodies that pass through each other cannot be united.
+        """
         mesh = vertices_m, part.triangles
         if has_proper_edges(*mesh) and len(vertices_m) <= MAX_CORNERS:
-            return mesh
+            return (mesh,)
         rounded = np.round(vertices_m, _DECIMALS)
         healed = simplify_mesh(rounded, part.triangles, self._get_mesh_error_m(part))
-        return healed if has_proper_edges(*healed) else mesh
+        if has_proper_edges(*healed):
+            return (healed,)
+        bodies = split_bodies(rounded, part.triangles)
+        return (
+            tuple(bodies) if bodies and all(has_proper_edges(*body) for body in bodies) else (mesh,)
+        )
 
     def _get_mesh_error_m(self, part: Part) -> float:
         is_large = len(part.vertices_m) > MAX_CORNERS
