@@ -187,9 +187,10 @@ name: drilled
 robot: {{home_m: [0.3, 0.0]}}
 tools: {{gripper: {{holder_m: [0.6, 0.2]}}, driver: {{holder_m: [0.6, -0.2]}}}}
 parts:
-  plate:           # four bars about a hole of 5 mm
+  plate:           # four bars about a hole of 5 mm, and a wall before a side
     tool: gripper
     boxes:
+      - {{size_m: [0.005, 0.040, 0.01], centre_m: [-0.06, 0.0, 0.005]}}
       - {{size_m: [0.0175, 0.040, 0.01], centre_m: [-0.01125, 0.0, 0.005]}}
       - {{size_m: [0.0175, 0.040, 0.01], centre_m: [0.01125, 0.0, 0.005]}}
       - {{size_m: [0.005, 0.0175, 0.01], centre_m: [0.0, -0.01125, 0.005]}}

@@ -268,15 +268,15 @@ class Handle:
 
 
 def trace_ray_m(shapes: Iterable[Shape], start: Point, direction: Point) -> float | None:
-    """Return the distance along a ray to the first surface [m]; None if there is none.
+    """Return the distance along a ray to the first surface ahead [m]; None if there is none.
 
     Parameters
     ----------
     start
         A point outside all of them [m].
     """
-    spans = (_find_span(shape, start, direction) for shape in shapes)
-    return min((span[0] for span in spans if span is not None), default=None)
+    spans = (span for shape in shapes for span in _find_spans(shape, start, direction))
+    return min((first for first, last in spans if last > 0), default=None)
 
 
 def _find_wall(spans: Sequence[tuple[float, float]], at_m: float) -> tuple[float, float] | None:

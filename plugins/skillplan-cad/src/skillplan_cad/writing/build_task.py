@@ -283,6 +283,8 @@ class _TaskBuilder:
             more of the parts. The parts that the rival lacks are tried first.
         """
         self._absent |= without
+        if self._turning and rival is not None:
+            self._later = {n: why for n, why in rival.left_out.items() if why.kind in _RETRIED}
         while (task := self._write(cuts, trials, watch, rival)) is None:
             trials.granted.clear()
             self._begin(self._bearing)
