@@ -54,13 +54,13 @@ from .product import Face as Face
 from .product import Part as Part
 from .product import Product as Product
 from .reading.mending import mend as mend
-from .reading.occt_reader import Instance as Instance
-from .reading.occt_reader import StepContent as StepContent
 from .reading.occt_reader import read_document as read_document
 from .reading.product_reader import ReadOptions as ReadOptions
 from .reading.product_reader import find_shapes as find_shapes
 from .reading.product_reader import read_product as read_product
+from .reading.raw_part import Instance as Instance
 from .reading.raw_part import RawPart as RawPart
+from .reading.raw_part import StepContent as StepContent
 from .reading.step_file import Limits as Limits
 from .reading.step_file import prepare as prepare
 from .reading.step_file import read_in_process as read_in_process

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
@@ -59,9 +59,11 @@ from skillplan_cad.reading.mending import (
 from skillplan_cad.reading.names import clean_name, is_label, says_nothing
 from skillplan_cad.reading.raw_part import (
     MOST_PARTS,
+    Instance,
     Measure,
     Mended,
     RawPart,
+    StepContent,
     compute_area_vectors_m2,
 )
 
@@ -93,46 +95,6 @@ _KINDS: dict[Any, FaceKind] = {
     GeomAbs_SurfaceType.GeomAbs_Sphere: "sphere",
     GeomAbs_SurfaceType.GeomAbs_Torus: "torus",
 }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Instance:
-    """A shape at one place of the product.
-
-    Parameters
-    ----------
-    shape
-        Number of the shape.
-    path
-        Names of the root and of the assemblies above it.
-    pose
-        Matrix from the shape's frame to the product's, shape (4, 4), in metres.
-    """
-
-    shape: int
-    name: str
-    design: str
-    path: tuple[str, ...]
-    pose: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StepContent:
-    """The content of a STEP file.
-
-    Parameters
-    ----------
-    shapes
-        Meshes in their own frames; text instead for one without surface, which gives the reason.
-    refused
-        Reason why the file is refused; empty if it is not.
-    """
-
-    name: str = ""
-    shapes: tuple[Mended | str, ...] = ()
-    instances: tuple[Instance, ...] = ()
-    notes: tuple[str, ...] = ()
-    refused: str = ""
 
 
 def read_document(

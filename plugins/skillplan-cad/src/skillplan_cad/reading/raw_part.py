@@ -80,6 +80,46 @@ class Mended:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Instance:
+    """A shape at one place of the product.
+
+    Parameters
+    ----------
+    shape
+        Number of the shape.
+    path
+        Names of the root and of the assemblies above it.
+    pose
+        Matrix from the shape's frame to the product's, shape (4, 4), in metres.
+    """
+
+    shape: int
+    name: str
+    design: str
+    path: tuple[str, ...]
+    pose: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepContent:
+    """The content of a STEP file.
+
+    Parameters
+    ----------
+    shapes
+        Meshes in their own frames; text instead for one without surface, which gives the reason.
+    refused
+        Reason why the file is refused; empty if it is not.
+    """
+
+    name: str = ""
+    shapes: tuple[Mended | str, ...] = ()
+    instances: tuple[Instance, ...] = ()
+    notes: tuple[str, ...] = ()
+    refused: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RawProduct:
     """The content of a file or folder.
 

@@ -12,7 +12,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +30,7 @@ from skillplan.workers.processes import measure_resident_bytes_of
 from skillplan_cad.product import Points, Triangles, Vector
 from skillplan_cad.reading.mending import join
 from skillplan_cad.reading.names import decode_file_name, decode_text, mark_foreign_names
-from skillplan_cad.reading.raw_part import Mended, RawProduct
-
-if TYPE_CHECKING:
-    from skillplan_cad.reading.occt_reader import Instance, StepContent
+from skillplan_cad.reading.raw_part import Instance, Mended, RawProduct, StepContent
 
 _WHAT = "reading STEP"
 _REMEDY = "Save it from CAD anew as STEP (AP203, AP214 or AP242)"
