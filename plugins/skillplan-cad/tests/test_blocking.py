@@ -73,13 +73,6 @@ def test_a_product_turned_in_space_has_the_same_links(name):
         assert true_links(name, axis) == results
 
 
-@pytest.mark.slow(reason="rays through the bracket again; inches are converted, and it is true")
-def test_a_product_in_inches_has_the_same_links():
-    result = relation("inch")
-    for axis, direction in ALONG.items():
-        assert true_links("bracket", axis) == links(result, direction)
-
-
 @pytest.mark.parametrize("degrees", [(0, 0, 0), (17, 31, 43)])
 def test_a_link_far_narrower_than_the_parts_is_found(tmp_path, degrees):
     """A lid of 100 mm rests on a rail by 0.4 mm, between two rays of any lattice."""

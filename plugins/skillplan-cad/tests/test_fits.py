@@ -310,12 +310,12 @@ def pinned(tmp_path_factory):
     for number, (hole_mm, pin_mm, x_mm) in enumerate(
         zip(HOLES_MM, PINS_MM, PLACES_MM, strict=True)
     ):
-        hole = manifold3d.Manifold.cylinder(15, hole_mm, hole_mm, 48)
-        pin = manifold3d.Manifold.cylinder(30, pin_mm, pin_mm, 64)
-        block -= hole.translate((x_mm, 15, 5))
-        solids[f"pin_{number}"] = pin.translate((x_mm, 15, 5))
-    block -= manifold3d.Manifold.cube((12, 12, 15), True).translate((0, -15, 12.5))
-    solids["peg"] = manifold3d.Manifold.cube((12, 12, 27), True).translate((0, -15, 18.5))
+        hole = manifold3d.Manifold.cylinder(10, hole_mm, hole_mm, 36)
+        pin = manifold3d.Manifold.cylinder(25, pin_mm, pin_mm, 48)
+        block -= hole.translate((x_mm, 15, 10))
+        solids[f"pin_{number}"] = pin.translate((x_mm, 15, 10))
+    block -= manifold3d.Manifold.cube((12, 12, 10), True).translate((0, -15, 15))
+    solids["peg"] = manifold3d.Manifold.cube((12, 12, 25), True).translate((0, -15, 22.5))
     (folder / "parts").mkdir()
     for name, solid in {"block": block, **solids}.items():
         mesh = solid.to_mesh()
@@ -357,7 +357,7 @@ def test_pieces_of_a_fit_leave_its_clearance_and_the_task_says_which(pinned):
         assert (own - mesh).volume() < 1e-3
         at = own.translate(tuple(1e3 * np.array(parts[name]["goal_m"]) - goal_mm))
         # Off its seat.
-        at = at.trim_by_plane((0, 0, 1), 5.1)
+        at = at.trim_by_plane((0, 0, 1), 10.1)
         assert min(piece.min_gap(at, 1.0) for piece in pieces) > 0.8 * 0.1 - 0.015
 
 
