@@ -206,8 +206,8 @@ def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, scre
 
     def attempt(make, share):
         made = make()
-        if isinstance(made, tuple):
-            # Pieces of a part, which are cut in time.
+        if isinstance(made, (tuple, list)):
+            # Pieces and trials of a part, which are done in time.
             return made
         shares.append(share)
         return None if share < 1 else made
@@ -218,6 +218,21 @@ def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, scre
     nothing = build_task(*screwed, watch=Watch(attempt=lambda make, share: None))
     assert (nothing.document, nothing.names) == ({}, {})
     assert {reason.kind for reason in nothing.left_out.values()} == {"not examined"}
+
+
+@pytest.mark.slow
+def test_an_order_is_found_of_the_parts_that_were_tried_in_time(screwed):
+    """Trials end at 65 % of the time, and the order of what passed takes the rest."""
+    trials = iter([True, True, False])
+    task = build_task(
+        *screwed,
+        watch=Watch(
+            attempt=lambda make, share: make() if share > 0.65 or next(trials, False) else None
+        ),
+    )
+    assert len(task.names) == 2
+    assert [skill.partition("(")[0] for skill in task.skills] == ["pick", "place"] * 2
+    assert {reason.kind for reason in task.left_out.values()} <= {"not examined", "follows"}
 
 
 def test_a_body_that_touches_itself_along_an_edge_is_in_the_task():

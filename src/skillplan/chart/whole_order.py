@@ -174,18 +174,12 @@ class _OrderSearch:
                     waiting += turn.precondition.requires
 
     def _place_all(self) -> list[str]:
-        """Return the parts that can be placed one after another, as many as can be."""
-        left, order = list(self._alive), self._longest
-        placed = True
-        while placed:
-            placed = False
-            for name in left:
-                done = frozenset(order)
-                if not self._before[name] - done and self._find_failure(name, done) is None:
-                    order.append(name)
-                    left.remove(name)
-                    placed = True
-                    break
+        """Return the parts that can be placed one after another; each is tried once, in turn."""
+        order = self._longest
+        for name in self._alive:
+            done = frozenset(order)
+            if not self._before[name] - done and self._find_failure(name, done) is None:
+                order.append(name)
         return order
 
     def _take_apart(self, parts: Iterable[str]) -> tuple[list[str], dict[str, Verdict]]:

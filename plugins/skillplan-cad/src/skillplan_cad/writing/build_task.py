@@ -521,7 +521,8 @@ class _TaskBuilder:
             name, by = names[task_name], tuple(names[other] for other in conflict.by)
             left_out = LeftOut(name, "no order", conflict.text, by)
             failed = names[conflict.failed]
-            retooled = conflict.is_by_hand and self._holds.take_next(
+            may_retool = conflict.is_by_hand and not trials.is_late
+            retooled = may_retool and self._holds.take_next(
                 failed, Failure(conflict.text, is_far=False)
             )
             if retooled:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -24,6 +25,8 @@ from skillplan_cad.planning.watch import Watch
 SWEPT = "swept"
 # Words of reasons for which a part does not stay.
 _FALLS = ("would tip off", "has nothing beneath it", "' tips towards", "' slides towards")
+# Share of the time limit at which trials end, so that an order of what passed is found.
+_TRIED_SHARE = 0.65
 # Kinds of skills that bring a part or drive a screw, in order.
 _KINDS = ("pick", "place", "fasten")
 
@@ -97,6 +100,8 @@ class TaskTrials:
 
     Attributes
     ----------
+    is_late
+        True once no more parts and screws are tried, as the time is for their order.
     granted
         Parts and screws that need no further trial.
     """
@@ -110,6 +115,7 @@ class TaskTrials:
         self.granted: set[str] = set()
         # How the arm moved in the trials that were passed.
         self._moved: dict[str, tuple[object, ...]] = {}
+        self.is_late = False
         # The order found last, if only of some parts of the task.
         self._found: tuple[str, ...] = ()
 
@@ -151,7 +157,9 @@ class TaskTrials:
         setup = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
         feasibility = make_feasibility(task, setup)
         try:
-            self._forget_far(feasibility, config)
+            if not self.is_late:
+                # Later, the order tells which are out of reach.
+                self._forget_far(feasibility, config)
             first = [name for name in order if name in doubtful]
             failures = dict(self._try_skills(feasibility, config, order, first))
             if failures and not self._watch.must_stop():
@@ -275,15 +283,18 @@ class TaskTrials:
                 return
             self._watch.report(f"writing: trying {name}, {number + 1} of {len(order)} parts")
             there = _list_facts(task, config, order[:number], name)
-            failure = _try_one(feasibility, skills, there, name)
-            if failure is not None:
-                alone = _list_facts(task, config, _list_supports(config, name), name)
-                failure = _try_one(feasibility, skills, alone, name)
-            if failure is None:
+            alone = _list_facts(task, config, _list_supports(config, name), name)
+            attempted = self._watch.attempt(
+                partial(_try_both, feasibility, skills, (there, alone), name), _TRIED_SHARE
+            )
+            if attempted is None:
+                self.is_late = True
+                return
+            for failure in attempted:
+                yield name, failure
+            if not attempted:
                 self.granted.add(name)
                 self._moved[name] = _list_motions(task, name)
-            else:
-                yield name, failure
 
     def _find_order(
         self,
@@ -398,6 +409,19 @@ def find_turned(config: AssemblyConfig, orientation: str | None) -> str | None:
         if orientation in workholder.orientations:
             return f"turned({name}.{orientation})"
     return None
+
+
+def _try_both(
+    feasibility: Feasibility, skills: Mapping[str, Skill], states: Iterable[set[str]], name: str
+) -> list[Failure]:
+    """Return why the arm cannot bring a part in the last of some states; empty if it can in one."""
+    failures = []
+    for facts in states:
+        failure = _try_one(feasibility, skills, facts, name)
+        if failure is None:
+            return []
+        failures = [failure]
+    return failures
 
 
 def _try_one(
