@@ -40,6 +40,8 @@ _SHEET_MM = 2e-4
 _FILM_MM = 1e-3
 # Share of a gap's volume in front of the faces that border it.
 _BORDERED = 0.9
+# Largest number of products of points or faces with directions in one array.
+_MOST_PRODUCTS = 2_000_000
 # Share of the excess volume above which gaps are halved instead.
 _WORTH = 0.6
 _LEAST_SHARE = 1e-3
@@ -212,11 +214,15 @@ def _measure_width(gap: manifold3d.Manifold, hull: manifold3d.Manifold) -> float
     numbers = np.round(normals[large] * 1000).astype(np.int64) @ _PLACES
     _, first = np.unique(numbers, return_index=True)
     across = normals[large][first]
-    widths = np.ptp(points @ across.T, axis=0)
-    projected = (normals @ across.T) * bordering[:, None]
-    borders = np.maximum(
-        np.maximum(projected, 0).sum(axis=0), np.maximum(-projected, 0).sum(axis=0)
-    )
+    weighted = normals[bordering > 0] * bordering[bordering > 0, None]
+    widths, borders = np.empty(len(across)), np.empty(len(across))
+    count_at_once = max(1, _MOST_PRODUCTS // max(len(points), len(weighted)))
+    for begin in range(0, len(across), count_at_once):
+        some = slice(begin, begin + count_at_once)
+        widths[some] = np.ptp(points @ across[some].T, axis=0)
+        projected = weighted @ across[some].T
+        sides = (np.maximum(sign * projected, 0).sum(axis=0) for sign in (1, -1))
+        borders[some] = np.maximum(*sides)
     is_whole = borders * widths >= _BORDERED * volume
     return float(widths[is_whole].min() if is_whole.any() else widths.max())
 
