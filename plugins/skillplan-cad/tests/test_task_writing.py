@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import replace
 
@@ -242,7 +243,10 @@ def test_a_body_that_touches_itself_along_an_edge_is_in_the_task():
     for solid, count in ((posts + plate, 1), (posts, 2)):
         task = build_task(*relate(product_of({"base": base, "posts": solid})))
         assert set(task.names) == {"base", "posts"}
-        assert len(task.document["parts"]["posts"]["meshes"]) == count
+        files = [mesh["file"] for mesh in task.document["parts"]["posts"]["meshes"]]
+        assert len(files) == count
+        texts = [io.StringIO(task.files[file]) for file in files]
+        assert all(trimesh.load(text, "obj", force="mesh").is_watertight for text in texts)
 
 
 def finder_of(solid, name="part"):
@@ -546,13 +550,14 @@ def test_a_part_that_goes_in_below_another_comes_down_beside_it():
     assert entry["insert_m"] == pytest.approx(0.029)
 
 
-def test_a_tray_keeps_parts_apart_and_within_reach():
+@pytest.mark.parametrize(("robot", "nearest_m"), [("panda", 0.25), ("iiwa14", 0.42)])
+def test_a_tray_keeps_parts_apart_and_within_reach(robot, nearest_m):
     items = [Item(f"part_{n}", (0.04, 0.03, 0.02)) for n in range(10)]
-    result = lay_out_table((0.12, 0.10, 0.05), items, reach_m=0.855)
+    result = lay_out_table((0.12, 0.10, 0.05), items, robot)
     assert result.without == ()
     places = list(result.places.values())
     for number, (x, y) in enumerate(places):
-        assert 0.25 < math.hypot(x, y) < 0.75
+        assert nearest_m <= math.hypot(x, y) < 0.75
         assert max(abs(x - result.product_m[0]), abs(y - result.product_m[1])) > 0.15
         for other in places[:number]:
             assert max(abs(x - other[0]) - 0.04, abs(y - other[1]) - 0.03) > 0.039
@@ -560,7 +565,7 @@ def test_a_tray_keeps_parts_apart_and_within_reach():
 
 def test_what_finds_no_place_is_named():
     items = [Item(f"panel_{n}", (0.40, 0.40, 0.02)) for n in range(6)]
-    assert lay_out_table((0.12, 0.10, 0.05), items, reach_m=0.855).without
+    assert lay_out_table((0.12, 0.10, 0.05), items, "panda").without
 
 
 def test_the_task_is_of_the_arm_that_was_asked_for(screwed, screwed_task):

@@ -190,6 +190,20 @@ def has_proper_edges(vertices_m: Points, triangles: Triangles) -> bool:
     return bool((counts == 2).all())
 
 
+def part_touching_corners(vertices_m: Points, triangles: Triangles, gap_m: float) -> Points:
+    """Return the corners with those that coincide drawn into their bodies by a gap."""
+    rounded = np.round(vertices_m, _FILE_DECIMALS)
+    _, place, counts = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
+    corners = vertices_m[triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outwards = np.zeros_like(vertices_m)
+    for column in triangles.T:
+        np.add.at(outwards, column, across)
+    outwards /= np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), 1e-30)
+    is_shared = counts[place.reshape(-1)] > 1
+    return np.where(is_shared[:, None], vertices_m - gap_m * outwards, vertices_m)
+
+
 def simplify_mesh(
     vertices_m: Points, triangles: Triangles, error_m: float
 ) -> tuple[Points, Triangles]:

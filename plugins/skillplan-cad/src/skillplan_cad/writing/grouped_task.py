@@ -27,7 +27,6 @@ from skillplan_cad.writing.task_document import (
     Item,
     TaskNest,
     WrittenTask,
-    compute_reach_down_m,
     find_free_name,
     format_task,
     lay_out_table,
@@ -503,10 +502,10 @@ class _Merger:
             if part.name in self._whole.names
         ]
         x, y, z = (float(extent) for extent in np.ptp(np.concatenate(points), axis=0))
-        reach_m = compute_reach_down_m(document["robot"]["model"])
         tools = _merge_tools(document["tools"], self._own.document["tools"])
         holders = [tuple(tool["holder_m"][:2]) for tool in tools.values() if "holder_m" in tool]
-        tray = lay_out_table((x, y, z), items, reach_m, [*HOLDERS, *holders], places)
+        robot = document["robot"]["model"]
+        tray = lay_out_table((x, y, z), items, robot, [*HOLDERS, *holders], places)
         return None if tray.without else tray.places
 
     def _describe(self, document: dict[str, Any]) -> WrittenTask:

@@ -35,6 +35,7 @@ from skillplan_cad.product import (
     Triangles,
     Vector,
     has_proper_edges,
+    part_touching_corners,
     simplify_mesh,
     split_bodies,
 )
@@ -135,6 +136,8 @@ _HOME, _HOME_M = 0.3, 0.35
 _HOMES_M: Mapping[str, float] = {"iiwa7": 0.42, "iiwa14": 0.45}
 # Share of the reach within which arms with a long hand work that points straight down.
 _DOWNWARD: Mapping[str, float] = {"gen3_7dof": 0.88}
+# Least distance at which arms reach down whose elbow does not bend far enough for less [m].
+_NEAREST_DOWN_M: Mapping[str, float] = {"iiwa7": 0.42, "iiwa14": 0.42}
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,15 +191,10 @@ class _Taken:
         return near
 
 
-def compute_reach_down_m(robot: str) -> float:
-    """Return the reach of an arm whose hand points straight down [m]."""
-    return ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
-
-
 def lay_out_table(
     product_size_m: tuple[float, float, float],
     items: Sequence[Item],
-    reach_m: float,
+    robot: str,
     holders: Sequence[Place] = HOLDERS,
     kept: Mapping[str, Place] | None = None,
 ) -> Tray:
@@ -208,15 +206,17 @@ def lay_out_table(
         Extents x y z of the product in its final orientation [m].
     items
         Items to place; the largest are placed first.
-    reach_m
-        Greatest distance from the arm's base to its tip [m].
+    robot
+        Arm that reaches all places with a hand that points straight down.
     holders
         Places of tools, which stay free.
     kept
         Places of items that stay where they are, by name.
     """
     known = kept or {}
-    nearest, farthest = max(_NEAREST_M, _NEAREST * reach_m), _FARTHEST * reach_m
+    reach_m = ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
+    nearest = max(_NEAREST_DOWN_M.get(robot, _NEAREST_M), _NEAREST * reach_m)
+    farthest = _FARTHEST * reach_m
     goal = _choose_goal(product_size_m, nearest, farthest)
     half = (product_size_m[0] / 2, product_size_m[1] / 2)
     taken = [_Taken(goal, half, _BESIDE_PRODUCT_M)]
@@ -541,8 +541,7 @@ def lay_out_parts(
         points = np.concatenate([upright.vertices(part) for part in parts])
         x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
         size_m = (x, y, z)
-    reach_m = compute_reach_down_m(robot)
-    layout = lay_out_table(size_m, list(items.values()), reach_m, holders)
+    layout = lay_out_table(size_m, [*items.values()], robot, holders)
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
     )
@@ -1228,9 +1227,10 @@ class TaskWriter:
         if has_proper_edges(*healed):
             return (healed,)
         bodies = split_bodies(rounded, part.triangles)
-        return (
-            tuple(bodies) if bodies and all(has_proper_edges(*body) for body in bodies) else (mesh,)
-        )
+        if bodies and all(has_proper_edges(*body) for body in bodies):
+            return tuple(bodies)
+        parted = part_touching_corners(*healed, _HEALED_M), healed[1]
+        return (parted if has_proper_edges(*parted) else mesh,)
 
     def _get_mesh_error_m(self, part: Part) -> float:
         is_large = len(part.vertices_m) > MAX_CORNERS
