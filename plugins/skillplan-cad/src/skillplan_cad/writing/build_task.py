@@ -460,6 +460,9 @@ class _TaskBuilder:
         if self._turning:
             base, absent = self._plan.base, self._absent
             bearing = add_turns(product, relation, bearing, absent, base, self._later, self._early)
+        if not bearing.turned:
+            # No turn brings in what waits for one.
+            self._absent, self._later = gone, {}
         order, held = bearing.order, bearing.held
         more = [name for name in self._falling if name in order and name not in held]
         self._bearing = replace(bearing, held=(*held, *more))
