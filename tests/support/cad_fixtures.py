@@ -1,27 +1,15 @@
-"""What the tests of skillplan-cad share: its files, what is true of them, and relations by hand."""
+"""Parts of solids, and relations by hand."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
-from functools import cache
-from pathlib import Path
 
 import manifold3d
 import numpy as np
 
+from cad_products import AXES, truth
 from skillplan_cad import Blocking, Contact, Face, Part, Relation, RelationPart
 
-FOLDER = Path(__file__).parents[2] / "plugins" / "skillplan-cad" / "tests" / "fixtures"
-
-AXES = (
-    (1.0, 0.0, 0.0),
-    (-1.0, 0.0, 0.0),
-    (0.0, 1.0, 0.0),
-    (0.0, -1.0, 0.0),
-    (0.0, 0.0, 1.0),
-    (0.0, 0.0, -1.0),
-)
 NUMBERS = {"+x": 0, "-x": 1, "+y": 2, "-y": 3, "+z": 4, "-z": 5}
 OPPOSITE = {"+x": "-x", "+y": "-y", "+z": "-z"}
 
@@ -53,17 +41,6 @@ PEN = {
 }
 PEN_PARTS = ("cap", "head", "cartridge", "ink", "body", "button")
 PEN_TOUCHES = ("cap body", "head body", "head cartridge", "cartridge ink", "body button")
-
-
-def step_path(name: str) -> Path:
-    """Return the STEP file of a fixture."""
-    return next(FOLDER.glob(f"{name}.step*"))
-
-
-@cache
-def truth(name: str) -> dict:
-    """Return what is true of a fixture by its construction; lengths are millimetres."""
-    return json.loads((FOLDER / f"{name}.json").read_text("utf-8"))
 
 
 def blockings(blocked: Mapping[str, Mapping[str, str | Iterable[str]]]) -> set[tuple]:

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from skillplan_cad import (
     Product,
@@ -17,6 +18,7 @@ from skillplan_cad import (
     find_joints,
     read_product,
 )
+from skillplan_cad.reading import step_file
 
 FIXTURES = Path(__file__).parents[2] / "plugins/skillplan-cad/tests/fixtures"
 AXES = ((1.0, 0, 0), (-1.0, 0, 0), (0, 1.0, 0), (0, -1.0, 0), (0, 0, 1.0), (0, 0, -1.0))
@@ -34,10 +36,19 @@ def truth(name: str) -> dict:
     return json.loads((FIXTURES / f"{name}.json").read_text("utf-8"))
 
 
+def read_here(patch: pytest.MonkeyPatch) -> None:
+    """Have OCCT read in this process: to start it takes ten times as long as to read a fixture."""
+    patch.setattr(
+        step_file, "read_in_process", lambda path, prepare, content, *_: prepare(content)(None)
+    )
+
+
 @cache
 def product(name: str, chord_mm: float = 0.05) -> Product:
     """Return a fixture as it is read."""
-    return read_product(file(name), ReadOptions(chord_m=chord_mm / 1000))
+    with pytest.MonkeyPatch.context() as patch:
+        read_here(patch)
+        return read_product(file(name), ReadOptions(chord_m=chord_mm / 1000))
 
 
 def related(product: Product, tolerance_mm: float = 0.1, source="axes", threads="unscrew"):

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from PIL import Image as PillowImage
 
-from cad_products import FIXTURES, file
+from cad_products import FIXTURES, file, read_here
 from skillplan.cli import run
 from skillplan.errors import OptionError
 from skillplan.plugins import installed
@@ -40,6 +40,7 @@ def registered(monkeypatch, tmp_path):
 
     monkeypatch.setattr(installed, "importers", lambda: [Entry()])
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
+    read_here(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +48,9 @@ def made(tmp_path_factory):
     """Return what an import wrote, once for all that only look at it."""
     folder = tmp_path_factory.mktemp("imported") / "product"
     given = {"keep": False, "nests": True}
-    import_cad.import_cad(SOURCE, str(folder), given, lambda line: None, draw_import)
+    with pytest.MonkeyPatch.context() as patch:
+        read_here(patch)
+        import_cad.import_cad(SOURCE, str(folder), given, lambda line: None, draw_import)
     return folder
 
 

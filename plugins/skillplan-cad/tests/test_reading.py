@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from cad_fixtures import box as solid_box
-from cad_fixtures import part_of, step_path
+from cad_fixtures import part_of
 from cad_products import file, product, truth
 from skillplan.errors import OptionError
 from skillplan_cad import (
@@ -103,7 +103,7 @@ class TestStep:
             assert part.bounds_m == pytest.approx(other.bounds_m, abs=1e-6)
             assert part.volume_m3 == pytest.approx(other.volume_m3, rel=1e-5)
         for name, unit, scale in (("inch", "mm", 1 / 25.4), ("bracket", "inch", 25.4)):
-            restated = read_product(step_path(name), ReadOptions(unit=unit))
+            restated = read_product(file(name), ReadOptions(unit=unit))
             assert restated.unit == unit
             for part, other in zip(restated.parts, metric.parts, strict=True):
                 assert part.volume_m3 == pytest.approx(other.volume_m3 * scale**3, rel=1e-3)

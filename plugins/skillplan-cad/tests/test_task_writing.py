@@ -12,8 +12,9 @@ import pytest
 import trimesh
 import yaml
 
-from cad_fixtures import box, part_of, rod, step_path
-from cad_products import related
+from cad_fixtures import box, part_of, rod
+from cad_products import product as fixture
+from cad_products import related, relation
 from skillplan.cli import run
 from skillplan.robots import ARMS
 from skillplan_cad import (
@@ -22,22 +23,17 @@ from skillplan_cad import (
     Load,
     Planner,
     Product,
-    ReadOptions,
     TaskTrials,
     Watch,
-    assemble_relation,
     assign_task_names,
     build_task,
     build_tool_entries,
     choose_arm,
     find_bearing,
     find_best_bearing,
-    find_blocked,
-    find_joints,
     lay_out_table,
     list_holds,
     place_upright,
-    read_product,
     replay,
 )
 
@@ -46,23 +42,17 @@ HAND = ARMS["panda"][1]
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 
 
-def planned(name):
-    """Return a product from STEP, its relation and its plan."""
-    return relate(read_product(step_path(name), ReadOptions()))
-
-
 def relate(product):
     """Return a product, its relation and its plan."""
-    joints = find_joints(product, TOLERANCE_M, "axes", "unscrew")
-    blocked = find_blocked(product, joints.directions, TOLERANCE_M)
-    relation = assemble_relation(product, joints, blocked, TOLERANCE_M, "unscrew")
-    return product, relation, Planner(product, relation).plan()
+    known = related(product)
+    return product, known, Planner(product, known).plan()
 
 
 @pytest.fixture(scope="module")
 def eight():
     """Eight parts: product, relation and plan."""
-    return planned("eight")
+    product, known = fixture("eight"), relation("eight")
+    return product, known, Planner(product, known).plan()
 
 
 @pytest.fixture(scope="module")
@@ -99,9 +89,9 @@ def test_the_plan_of_eight_parts_is_the_cheapest_and_needs_no_turn_and_no_second
 
 
 def test_the_plan_stands_when_finer_solids_are_taken_apart(eight):
-    _, relation, plan = eight
-    finer = read_product(step_path("eight"), ReadOptions(chord_m=2e-5))
-    assert replay(finer, relation, plan, TOLERANCE_M / 2).agrees
+    _, known, plan = eight
+    finer = fixture("eight", 0.02)
+    assert replay(finer, known, plan, TOLERANCE_M / 2).agrees
 
 
 def test_identical_parts_come_from_one_feeder_and_screws_go_to_their_holes(written):
