@@ -165,11 +165,14 @@ _LEAST_M = 2e-4
 # Greatest number of pairs of points and faces in one array, which fits the cache of a core.
 _PAIRS = 30_000
 _FEWEST = 16
+# Number of points or edges for which the nearest faces are chosen together.
+_GROUP = 64
+_NM = 1e-9
 
 
 def measure_depths(surface: Polyhedron, points: Floats) -> Floats:
     """Return the depths of points in a surface [m]; negative outside."""
-    faces = _Faces(surface)
+    faces = _Faces(surface.triangles, surface.corners.mean(axis=0))
     distances = faces.distances(points)
     return np.where(faces.inside(points), distances, -distances)
 
@@ -179,7 +182,7 @@ def measure_outermost(surface: Polyhedron, points: Floats) -> float:
 
     The points with the largest distances come first, until one is outside.
     """
-    faces = _Faces(surface)
+    faces = _Faces(surface.triangles, surface.corners.mean(axis=0))
     distances = faces.distances(points)
     order = np.argsort(-distances)
     first, count = 0, _FEWEST
@@ -198,7 +201,7 @@ def measure_deepest(surface: Polyhedron, edges: Floats) -> float:
     A triangle is convex, so no point of an edge is farther from it than the farther end. The depth
     changes by at most the distance along the edge. Halves that cannot be deeper are dropped.
     """
-    faces = _Faces(surface)
+    faces = _Faces(surface.triangles, surface.corners.mean(axis=0))
     low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
     begins, ends = _clip_edges(edges, low, high)
     deepest = 0.0
@@ -237,9 +240,9 @@ class _Faces:
     nanometre.
     """
 
-    def __init__(self, surface: Polyhedron) -> None:
-        self._middle = surface.corners.mean(axis=0)
-        corners = surface.triangles - self._middle
+    def __init__(self, triangles: Floats, middle: Floats) -> None:
+        self._triangles, self._middle = triangles, middle
+        corners = triangles - middle
         a, b, c = (corners[:, i] for i in range(3))
         normal = np.cross(b - a, c - a)
         area = np.einsum("ij,ij->i", normal, normal)
@@ -253,19 +256,37 @@ class _Faces:
     def distances(self, points: Floats) -> Floats:
         """Return the distances of points from the nearest face [m]."""
         squares = np.empty(len(points))
-        for first in range(0, len(points), self._chunk):
-            some = slice(first, first + self._chunk)
-            squares[some] = self._squares_from(points[some]).min(axis=1)
+        for some, faces in self._split(points[:, None]):
+            squares[some] = faces._squares_from(points[some]).min(axis=1)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     def farthest(self, begins: Floats, ends: Floats) -> Floats:
         """Return upper bounds on the distance of any point of an edge from the nearest face [m]."""
         bounds = np.empty(len(begins))
-        for first in range(0, len(begins), self._chunk):
-            some = slice(first, first + self._chunk)
-            both = np.maximum(self._squares_from(begins[some]), self._squares_from(ends[some]))
+        for some, faces in self._split(np.stack([begins, ends], axis=1)):
+            both = np.maximum(faces._squares_from(begins[some]), faces._squares_from(ends[some]))
             bounds[some] = both.min(axis=1)
         return np.asarray(np.sqrt(np.maximum(bounds, 0.0)))
+
+    def _split(self, items: Floats) -> Iterator[tuple[Indices, _Faces]]:
+        """Yield numbers of items that are near each other, and the faces that may be nearest.
+
+        Parameters
+        ----------
+        items
+            Points, or edges by their ends [m], shape (items, ends, 3).
+        """
+        is_small = len(items) <= self._chunk
+        for group in [np.arange(len(items))] if is_small else _group(items.mean(axis=1)):
+            faces = self
+            if not is_small:
+                centre = items[group].reshape(-1, 3).mean(axis=0)
+                radius = float(np.linalg.norm(items[group] - centre, axis=2).max())
+                away = np.sqrt(np.maximum(self._squares_from(centre[None])[0], 0.0))
+                near = away <= float(away.min()) + 2 * radius + _NM
+                faces = _Faces(self._triangles[near], self._middle)
+            for first in range(0, len(group), faces._chunk):
+                yield group[first : first + faces._chunk], faces
 
     def inside(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return True for points inside the surface (Van Oosterom and Strackee 1983)."""
@@ -304,6 +325,20 @@ class _Faces:
         for begin, end, rest, i, j in ((a, b, z, 0, 1), (b, c, x, 1, 2), (c, a, y, 2, 0)):
             below += (own - to[i] - to[j] + np.einsum("ij,ij->i", begin, end)) * rest
         return np.asarray(np.arctan2(volume, below).sum(axis=1) / (2 * math.pi))
+
+
+def _group(points: Floats) -> Iterator[Indices]:
+    """Yield the numbers of points in groups near each other, by halves along the longest extent."""
+    waiting = [np.arange(len(points))]
+    while waiting:
+        group = waiting.pop()
+        if len(group) <= _GROUP:
+            yield group
+            continue
+        axis = int(np.ptp(points[group], axis=0).argmax())
+        order = np.argsort(points[group, axis], kind="stable")
+        middle = len(group) // 2
+        waiting += [group[order[:middle]], group[order[middle:]]]
 
 
 class _Side:
