@@ -376,14 +376,27 @@ def assembled(*solids, watch=None, up=None):
     return build_task(parts, known, plan, bearing=bearing, watch=watch)
 
 
+POCKET = box(0, 0, 0, 60, 60, 12) - box(2, 2, 5, 58, 58, 30)
+SEAT, RING = (box(0, 0, 0, 60, 60, 20) - rod(30, 30, 13, 11.5, 20), rod(30, 30, 13, 11, 7))
+
+
 @pytest.mark.slow
-def test_thin_tips_put_a_part_next_to_the_walls_of_its_pocket():
-    """Gaps of 2.5 and 0.6 mm; fingers are 14 mm thick, and open by 4 mm on each side."""
-    case = box(0, 0, 0, 60, 60, 12) - box(2, 2, 5, 58, 58, 30)
-    task = assembled(("case", case), ("spacer", box(4.5, 2.6, 5, 10, 8.1, 12)), up=UP)
+@pytest.mark.parametrize(
+    ("case", "part", "is_inner"),
+    [
+        (POCKET, box(4.5, 2.6, 5, 10, 8.1, 12), False),
+        (SEAT, RING - rod(30, 30, 12, 4, 10), True),
+    ],
+    ids=["gaps of 2.5 and 0.6 mm", "a ring in its seat"],
+)
+def test_thin_tips_put_a_part_next_to_walls(case, part, is_inner):
+    """Fingers are 14 mm thick, and open by 4 mm on each side."""
+    task = assembled(("case", case), ("part", part), up=UP)
     assert not task.left_out
-    assert task.document["parts"]["spacer"]["tool"] == "finger_tips"
+    assert task.document["parts"]["part"]["tool"] == "finger_tips"
     assert task.document["tools"]["finger_tips"]["clearance_m"] == 0.001
+    holds = [grasp.get("hold") for grasp in task.document["parts"]["part"]["grasp"]]
+    assert ("inner" in holds) == is_inner
 
 
 @pytest.mark.slow

@@ -167,8 +167,9 @@ def list_holds(
     yield from _hold_by_cup(finder, SMALL_CUP)
     tips = replace(hand, jaw_m=TIPS_PROFILE_M, jaw_corners_m=())
     by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m, clearance_m=TIPS_CLEARANCE_M)
+    by_tips += finder.find_inner_grasps(tips)
     if by_tips:
-        yield _hold(TIPS, by_tips)
+        yield _hold(TIPS, sorted(by_tips, key=lambda grasp: grasp.cost))
     sides = finder.list_sides()
     beside = finder.find_jaw_grasps(hand, sides, sunk_m)
     if beside:

@@ -40,13 +40,19 @@ _DEPTHS_M = (0.002, 0.003, 0.005, 0.008, 0.012, 0.018, 0.026, 0.036)
 _MOST_SPANS = 4
 # Number of positions of the hand across the closing direction.
 _COLUMNS = 13
+# Play of closed jaws in a hole, and distance up to which the wall of a round one meets a jaw [m].
+_INNER_PLAY_M, _ROUND_M = 2e-3, 5e-4
+# Least area of each jaw in a hole [m2].
+_INNER_M2 = 1e-6
+# Depths of the fingertips in a hole below the top of the part [m], and drawback of such a grasp.
+_INNER_DEPTHS_M, _INNER_COST_M = (0.003, 0.005, 0.002), 4e-3
 # Least area of each jaw on the part [m2], and share of a hand's friction that may be used.
 _LEAST_M2, _LOAD_SHARE = 4e-7, 0.5
 # Height of a hand's axis above the table at which a hand from the side clears it [m].
 _SIDE_MARGIN_M = 4e-3
 _DEPTH_CLASSES_M = (0.005, 0.0125)
 # Number of grasps of a part, and distance between two of them [m].
-_MOST_GRASPS, _APART_M = 6, 6e-3
+_MOST_GRASPS, _MOST_INNER, _APART_M = 6, 2, 6e-3
 # Cosine between a face and a closing direction, and share of the surface worth a direction.
 _ALONG, _WORTH = 0.999, 0.02
 _ALMOST = 1e-6
@@ -183,6 +189,42 @@ class GraspFinder:
             if len(chosen) < _MOST_GRASPS and all(_differ(grasp, other) for other in chosen):
                 chosen.append(grasp)
         return sorted(chosen, key=lambda grasp: grasp.cost)
+
+    def find_inner_grasps(self, hand: Hand) -> list[JawGrasp]:
+        """Return grasps from above of jaws that open in a hole, at most one of each direction."""
+        best: dict[str, JawGrasp] = {}
+        for closing in self._list_closings((0.0, 0.0, -1.0)):
+            field = self._trace(np.array([0.0, 0.0, -1.0]), closing)
+            centre = field.frame @ self._centre_m
+            for depth_m in _INNER_DEPTHS_M:
+                for column in field.list_columns(float(centre[0])):
+                    for patch in field.find_holes(column, field.top_m - depth_m, hand):
+                        grasp = self._hold_inside(hand, field, patch, depth_m)
+                        axis = str(closing)
+                        if grasp is not None and (
+                            axis not in best or grasp.cost < best[axis].cost - _ALMOST
+                        ):
+                            best[axis] = grasp
+        return sorted(best.values(), key=lambda grasp: grasp.cost)[:_MOST_INNER]
+
+    def _hold_inside(
+        self, hand: Hand, field: _Field, patch: _Patch, depth_m: float
+    ) -> JawGrasp | None:
+        """Return the grasp of jaws that press on a patch from inside; None if it slips."""
+        centre = field.frame @ self._centre_m
+        away, across = patch.centre_m - centre, patch.across_m
+        if not self._holds(hand, patch, abs(float(away[0])), abs(float(away[2]))):
+            return None
+        if abs(away[0]) <= field.cell_m[0] / 2 + _ALMOST:
+            across = float(centre[0])
+        point = across * field.frame[0] + patch.middle_m * field.frame[2]
+        point = point + (field.top_m - depth_m) * field.frame[1]
+        entry = _format(-field.frame[1], field.frame[2], point, patch.width_m, depth_m)
+        # The task's own shapes give the width, between which the jaws are centred.
+        del entry["width_m"]
+        tip_m = (float(point[0]), float(point[1]), float(point[2]))
+        cost = float(abs(away[0]) + abs(away[2]) + _INNER_COST_M)
+        return JawGrasp({**entry, "hold": "inner"}, cost, patch.area_m2, tip_m)
 
     def _list_closings(self, approach: tuple[float, float, float]) -> Iterator[Floats]:
         """Yield directions across an approach that large faces look along, and the axes."""
@@ -385,6 +427,37 @@ class _Field:
                 patch = self._close(column, tip, jaws, begins, ends, between, rows, columns)
                 if patch is not None:
                     yield patch
+
+    def find_holes(self, column: int, tip: float, hand: Hand) -> Iterator[_Patch]:
+        """Yield the patches on which jaws press outwards in a hole that begins at the top."""
+        rows = self.out_m > tip
+        columns = np.abs(self.across_m - self.across_m[column]) <= hand.jaw_half_width_m
+        begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
+        thick_m = 2 * hand.jaw_thickness_m(self.top_m - tip)
+        cell_m2 = self.cell_m[0] * self.cell_m[1]
+        first = int(np.flatnonzero(rows)[0]) if rows.any() else 0
+        mine = self.begins[column, first], self.ends[column, first]
+        for end, begin in zip(mine[1][:_MOST_SPANS], mine[0][1 : _MOST_SPANS + 1], strict=False):
+            if not np.isfinite(begin):
+                return
+            middle = (end + begin) / 2
+            below = np.where(ends <= middle, ends, -np.inf).max(axis=2)
+            above = np.where(begins >= middle, begins, np.inf).min(axis=2)
+            is_open = ~((begins < middle) & (ends > middle)).any()
+            left, right = float(below.max()), float(above.min())
+            width = right - left
+            if not (is_open and np.isfinite([below, above]).all()):
+                continue
+            if not thick_m + _INNER_PLAY_M <= width <= thick_m + hand.opening_m:
+                continue
+            touches = below >= left - _ROUND_M, above <= right + _ROUND_M
+            area_m2 = min(float(mask.sum()) for mask in touches) * cell_m2
+            if area_m2 < _INNER_M2:
+                continue
+            across, out = float(self.across_m[column]), (tip + self.top_m) / 2
+            centre = np.array([across, out, (left + right) / 2])
+            reach_m = max(hand.jaw_half_width_m / 2, 5e-4)
+            yield _Patch(across, float(centre[2]), width, centre, area_m2, reach_m)
 
     def _close(
         self,
