@@ -127,13 +127,13 @@ def test_the_bench_is_played_by_its_times(cli, tmp_path, page, monkeypatch):
     assert playback["duration_s"] > 0
 
 
-def test_several_inputs_are_chapters(cli, board, tmp_path, page, monkeypatch):
+def test_several_inputs_are_chapters(cli, seven, tmp_path, page, monkeypatch):
     """A comparison beside a plan; what the comparison holds is data."""
     monkeypatch.setattr("skillplan.views.report.page.load_player", lambda: None)
     rows = [{"solver": "<script>", "status": "optimal", "cost": 1.0, "stats": {"wall_s": 0.1}}]
     other = tmp_path / "compared.json"
     other.write_text(json.dumps({"schema": "skillplan.comparison/1", "warm": False, "rows": rows}))
-    outcome = cli("report", board, str(other), "--no-simulation", "--out", str(page))
+    outcome = cli("report", seven, str(other), "--no-simulation", "--out", str(page))
     assert 0 == outcome.code
     text = page.read_text("utf-8")
     assert "Solvers compared" in text

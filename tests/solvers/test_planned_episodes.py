@@ -101,8 +101,9 @@ def test_a_board_with_dead_ends_is_completed(tmp_path):
     path = tmp_path / "board.yaml"
     path.write_text(BoardGenerator(16, 0.4, 3, 5).text(), encoding="utf-8")
     run = Run(path)
-    run.go(2_500)
-    assert run.best <= 1.02 * 14.59182
+    while run.best > 1.02 * 14.59182:
+        assert run.steps < 2_500
+        run.go(run.steps + 100)
 
 
 def test_a_learned_model_predicts_what_happens():
@@ -131,12 +132,12 @@ def test_they_go_on_from_what_was_kept_as_if_nothing_had_happened():
 
 
 @pytest.mark.slow(
-    reason="trains on a board of twelve parts; boards are completed without networks in every run"
+    reason="trains on a board of eight parts; boards are completed without networks in every run"
 )
 @pytest.mark.parametrize("solver", ["dqn", "ppo"])
 def test_a_learner_follows_what_its_plans_have_found(solver, tmp_path):
     path = tmp_path / "board.yaml"
-    path.write_text(BoardGenerator(12, 0.3, 3, 5).text(), encoding="utf-8")
-    options = {"steps": 6_000, "planning": True, "imitation": 1.0}
+    path.write_text(BoardGenerator(8, 0.3, 3, 5).text(), encoding="utf-8")
+    options = {"steps": 2_500, "planning": True, "imitation": 1.0}
     solution = solve(load_problem(str(path)).task, make_solver(solver, options))
-    assert solution.cost == pytest.approx(11.49311, rel=0.02)
+    assert solution.cost == pytest.approx(7.95595, rel=0.02)
