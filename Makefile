@@ -13,6 +13,8 @@ ENGINES = $$($(HAS_PYBULLET) && echo pybullet) mujoco
 SOURCES := src tests benchmarks examples plugins docs .ci
 # Each process takes a run of neighbours, which share what they set up.
 PYTEST := $(BIN)/pytest -n auto --dist worksteal -q
+# Slow tests often wait for programs that they started: a process more than cores keeps all busy.
+PYTEST_SLOW := $(BIN)/pytest -n $$(expr $$(getconf _NPROCESSORS_ONLN) + 1) --dist worksteal -q
 # Without bytecode every process of a test, and every command, would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 # Bytecode is made when a module is first imported: most of what is installed never is. What every
@@ -66,7 +68,7 @@ test-all: .venv/.test try-web  ## the whole suite, in a quarter of an hour at mo
 	$(PYTEST) -m "not release" --hypothesis-profile=whole tests plugins
 
 test-slow: .venv/.test try-web  ## what only the whole suite holds
-	$(PYTEST) -m "slow and not release" tests plugins
+	$(PYTEST_SLOW) -m "slow and not release" tests plugins
 
 test-release: .venv/.test try-web  ## claims of minutes each, and property tests with all their examples
 	$(PYTEST) -m "release or hypothesis" --hypothesis-profile=thorough tests plugins
