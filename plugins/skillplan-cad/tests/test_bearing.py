@@ -391,7 +391,7 @@ def test_without_what_hangs_below_all_others_they_stand():
     assert "stands lower than all others" in bearing.why_not["collar"].text
 
 
-def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_more():
+def test_the_side_is_up_with_which_the_arm_brings_most_parts_and_z_where_none_has_more():
     lying = product_of(
         plate=box(0, 0, 0, 10, 60, 60),
         post=box(10, 20, 20, 60, 40, 40),
@@ -408,6 +408,9 @@ def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_mor
     pocket = box(10, -1, 10, 30, 30, 30)
     shelf = product_of(body=box(0, 0, 0, 40, 40, 40) - pocket, plug=box(10, 5, 10, 30, 30, 30))
     assert find_best_bearing(shelf, related(shelf)).up == ATTITUDES["-y"]
+    # No arm puts a block of 62 kg on a plate; one puts the plate on the block.
+    heavy = product_of(plate=box(-30, -30, 0, 230, 230, 10), block=box(0, 0, 10, 200, 200, 210))
+    assert find_best_bearing(heavy, related(heavy)).up == ATTITUDES["-z"]
 
 
 def test_a_round_part_that_lies_does_not_stand_on_the_chord_beneath_it():

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.collision import TILT_DEG, compute_margin_m
 from skillplan.collision.contact_forces import find_axes_across
+from skillplan.robots.catalogue import ARMS
 from skillplan_cad.planning.equilibrium import Equilibrium
 from skillplan_cad.planning.precedence import encode_set, list_members
 from skillplan_cad.planning.stability import is_over
@@ -182,8 +183,9 @@ def find_best_bearing(
     """Return the orientation in which most parts stand by themselves and come straight down.
 
     Number and mass count the same, and so do standing and coming from above: a hand meets the
-    product on level moves. Ties go to the orientation in which most parts are placed with supports,
-    then to the one with the fewest of them, then to the first.
+    product on level moves. What no arm carries counts on the table alone. Ties go to the
+    orientation in which most parts are placed with supports, then to the one with the fewest of
+    them, then to the first.
     """
     forces = share_equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
@@ -196,12 +198,18 @@ def find_best_bearing(
         return round(len(names) / len(product) + mass, 6)
 
     def list_brought(bearing: Bearing) -> set[str]:
-        return {*bearing.order, *(driven - bearing.undriven.keys())}
+        placed = set[str]()
+        for name in bearing.order:
+            on = bearing.on.get(name, ())
+            if placed.issuperset(on) and not (on and masses[name] > _get_most_kg()):
+                placed.add(name)
+        return placed | (driven - bearing.undriven.keys())
 
     for up in ATTITUDES.values():
         bearing = find_bearing(product, relation, up, absent, forces, holding=holding)
         alone = find_bearing(product, relation, up, absent, forces) if bearing.held else bearing
-        brought, straight = list_brought(bearing), list_straight(relation, bearing) - {*absent}
+        brought = list_brought(bearing)
+        straight = list_straight(relation, bearing) & brought - {*absent}
         key = (
             weigh(list_brought(alone)) + weigh(straight),
             weigh(brought),
@@ -209,10 +217,17 @@ def find_best_bearing(
         )
         if best is None or key > best_key:
             best, best_key = bearing, key
-            if not (best.why_not or best.undriven or best.held) and straight >= brought:
+            is_whole = straight >= {*best.order, *driven}
+            if is_whole and not (best.why_not or best.undriven or best.held):
                 break
     assert best is not None
     return best
+
+
+@cache
+def _get_most_kg() -> float:
+    """Return the greatest payload of an arm of the catalogue [kg]."""
+    return max(arm.payload_kg or 0.0 for arm, _ in ARMS.values())
 
 
 def list_straight(relation: Relation, bearing: Bearing) -> set[str]:
