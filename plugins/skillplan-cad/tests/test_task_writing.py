@@ -431,7 +431,7 @@ def test_a_level_screw_comes_down_behind_the_roof_above_it():
     """The roof ends 70 mm behind the hole, farther than the usual stretch of 50 mm."""
     screw = (rod(0, 0, 0, 2, 16) + rod(0, 0, -4, 4, 4)).rotate([0, 90, 0]).translate([80, 30, 70])
     walls = box(0, 0, 0, 100, 60, 10) + box(80, 0, 0, 100, 60, 100) + box(10, 0, 90, 100, 60, 100)
-    task = assembled(("block", walls - screw), ("M4 screw", screw))
+    task = assembled(("block", walls - screw), ("M4 screw", screw), up=UP)
     assert task.left_out == {}
     assert task.document["screws"]["M4_screw"]["insert_m"] == pytest.approx(0.075, abs=1e-3)
 

@@ -187,10 +187,11 @@ name: drilled
 robot: {{home_m: [0.3, 0.0]}}
 tools: {{gripper: {{holder_m: [0.6, 0.2]}}, driver: {{holder_m: [0.6, -0.2]}}}}
 parts:
-  plate:           # four bars about a hole of 5 mm, and a wall before a side
+  plate:           # four bars about a hole of 5 mm, and two rails 5 mm apart before a side
     tool: gripper
     boxes:
-      - {{size_m: [0.005, 0.040, 0.01], centre_m: [-0.06, 0.0, 0.005]}}
+      - {{size_m: [0.04, 0.002, 0.01], centre_m: [-0.06, 0.0035, 0.005]}}
+      - {{size_m: [0.04, 0.002, 0.01], centre_m: [-0.06, -0.0035, 0.005]}}
       - {{size_m: [0.0175, 0.040, 0.01], centre_m: [-0.01125, 0.0, 0.005]}}
       - {{size_m: [0.0175, 0.040, 0.01], centre_m: [0.01125, 0.0, 0.005]}}
       - {{size_m: [0.005, 0.0175, 0.01], centre_m: [0.0, -0.01125, 0.005]}}
@@ -215,6 +216,9 @@ ASKEW = "hole_m: [0.4825, 0.0, 0.005], axis: [1, 0, 0]"
         (UPRIGHT.replace("0.01]", "0.012]"), 0.0084, "the hole does not lie over the top"),
         (UPRIGHT.replace("0.5", "0.5012"), 0.0084, None),
         (UPRIGHT.replace("0.5", "0.5018"), 0.0084, "the hole does not lie over the top"),
+        # On two rails, and on one of them.
+        (UPRIGHT.replace("0.5", "0.44"), 0.0084, None),
+        ("hole_m: [0.44, 0.0022, 0.01]", 0.0084, "the hole does not lie over the top"),
         (ASKEW.replace("0.4825", "0.48"), 0.006, None),
         (ASKEW, 0.006, "the hole does not lie on a surface of 'plate'"),
     ],

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations, product
 
+import numpy as np
+
 from skillplan.collision.boxes import WorldBox, box_at
 from skillplan.collision.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.gripping import choose_tool_kind, find_grasp_issues
@@ -38,6 +40,9 @@ _FAR_RIM = 3.0
 # Radii of the ring on which a head rests, in radii of its rim; the second is within the flats of a
 # hexagon.
 _BEARING = (1.0, 0.8)
+# Least share of such a ring that bears a head on both sides of its axis, and most by which the
+# middle of what bears it is off the axis, in radii of the head.
+_LEAST_ON_BOTH_SIDES, _OFF_AXIS = 0.25, 0.2
 # Start of a ray above the mouth of a hole [m].
 _FAR_M = 0.002
 
@@ -341,7 +346,8 @@ def _bears_head(screw: ScrewConfig, rise_m: Callable[[float, float], float]) -> 
     """Return True if a head rests on the part, and its rim nowhere enters it.
 
     It rests on its rim, or on a ring within, of a boss that is narrower. A slot, or seams of convex
-    pieces, may be beneath a sixth of the ring.
+    pieces, may be beneath a sixth of the ring. More may be free alike on both sides of the axis, as
+    on a narrow flange or a round bar.
 
     Parameters
     ----------
@@ -354,8 +360,13 @@ def _bears_head(screw: ScrewConfig, rise_m: Callable[[float, float], float]) -> 
         rises_m = [rise_m(share * x_m, share * y_m) for x_m, y_m in rim]
         if max(rises_m) > TOUCH_M:
             return False
-        if sum(abs(rise_m) <= TOUCH_M for rise_m in rises_m) >= LEAST_RIM * len(rises_m):
+        touched = np.array(rim)[np.abs(rises_m) <= TOUCH_M]
+        if len(touched) >= LEAST_RIM * len(rim):
             return True
+        if len(touched) >= _LEAST_ON_BOTH_SIDES * len(rim):
+            off_axis_m = float(np.linalg.norm(touched.mean(axis=0)))
+            if off_axis_m <= _OFF_AXIS * screw.head_diameter_m / 2:
+                return True
     return False
 
 
