@@ -187,11 +187,12 @@ name: drilled
 robot: {{home_m: [0.3, 0.0]}}
 tools: {{gripper: {{holder_m: [0.6, 0.2]}}, driver: {{holder_m: [0.6, -0.2]}}}}
 parts:
-  plate:           # four bars about a hole of 5 mm, and two rails 5 mm apart before a side
+  plate:           # four bars about a hole of 5 mm, and two rails 5 mm apart with a stop
     tool: gripper
     boxes:
       - {{size_m: [0.04, 0.002, 0.01], centre_m: [-0.06, 0.0035, 0.005]}}
       - {{size_m: [0.04, 0.002, 0.01], centre_m: [-0.06, -0.0035, 0.005]}}
+      - {{size_m: [0.0044, 0.009, 0.02], centre_m: [-0.0778, 0.0, 0.01]}}
       - {{size_m: [0.0175, 0.040, 0.01], centre_m: [-0.01125, 0.0, 0.005]}}
       - {{size_m: [0.0175, 0.040, 0.01], centre_m: [0.01125, 0.0, 0.005]}}
       - {{size_m: [0.005, 0.0175, 0.01], centre_m: [0.0, -0.01125, 0.005]}}
@@ -219,6 +220,7 @@ ASKEW = "hole_m: [0.4825, 0.0, 0.005], axis: [1, 0, 0]"
         # On two rails, and on one of them.
         (UPRIGHT.replace("0.5", "0.44"), 0.0084, None),
         ("hole_m: [0.44, 0.0022, 0.01]", 0.0084, "the hole does not lie over the top"),
+        ("hole_m: [0.428, 0.0, 0.01]", 0.0084, "the head of 'screw', 8.4 mm wide, runs into"),
         (ASKEW.replace("0.4825", "0.48"), 0.006, None),
         (ASKEW, 0.006, "the hole does not lie on a surface of 'plate'"),
     ],

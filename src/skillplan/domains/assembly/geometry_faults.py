@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, product
-
-import numpy as np
+from statistics import fmean
 
 from skillplan.collision.boxes import WorldBox, box_at
 from skillplan.collision.solid import TOUCH_M, Solid
@@ -283,50 +282,50 @@ def _measure_load(solid: Solid, part: PartConfig, spare_m: float) -> tuple[Point
 def _find_hole_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield holes that are not at the surface of their part, oblique ones first."""
     oblique = [item for item in config.screws.items() if not _is_vertical(item[1])]
-    for name, screw in oblique:
-        if not _has_oblique_rest(config, screw):
+    vertical = [item for item in config.screws.items() if _is_vertical(item[1])]
+    for name, screw in (*oblique, *vertical):
+        is_oblique = not _is_vertical(screw)
+        rise_m = (_measure_oblique if is_oblique else _measure_upright)(config, screw)
+        # The hole may not be modelled.
+        if abs(rise_m(0.0, 0.0)) <= TOUCH_M or _bears_head(screw, rise_m):
+            continue
+        head = f"the head of {name!r}, {screw.head_diameter_m * 1e3:.1f} mm wide,"
+        if _bears_head(screw, rise_m, _BEARING[1:]):
+            message = (
+                f"{head} runs into {screw.through!r} beside its seat. Give a narrower head, or "
+                "move the hole."
+            )
+        elif is_oblique:
             message = (
                 f"the hole does not lie on a surface of {screw.through!r} that its axis goes into. "
                 f"Move it.{build_origin_hint(config, (screw.through,))}"
             )
-            yield Issue(message, ("screws", name, "hole_m"))
-    for name, screw in config.screws.items():
-        if _is_vertical(screw) and not _has_upright_rest(config, screw):
-            if _falls_in(config, screw):
-                width_mm = screw.head_diameter_m * 1e3
-                message = (
-                    f"the head of {name!r}, {width_mm:.1f} mm wide, falls into the hole in "
-                    f"{screw.through!r}. Give 'size', or a wider head."
-                )
-                yield Issue(message, ("screws", name, "hole_m"))
-                continue
+        elif _falls_in(config, screw):
+            message = (
+                f"{head} falls into the hole in {screw.through!r}. Give 'size', or a wider head."
+            )
+        else:
             message = f"the hole does not lie over the top of {screw.through!r}. Move it"
             if "axis" not in screw.model_fields_set:
                 message += ", or give 'axis' if the screw does not go straight down"
             message += f".{build_origin_hint(config, (screw.through,))}"
-            yield Issue(message, ("screws", name, "hole_m"))
+        yield Issue(message, ("screws", name, "hole_m"))
 
 
 def _is_vertical(screw: ScrewConfig) -> bool:
     return is_same_direction(screw.direction, DOWN)
 
 
-def _has_upright_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
-    """Return True if the head of an upright screw rests on its part.
-
-    It does if the part's top is at the mouth on the axis (the hole is not modelled), or under the
-    rim of the head.
-    """
+def _measure_upright(config: AssemblyConfig, screw: ScrewConfig) -> Callable[[float, float], float]:
+    """Return the height of a part's top above the seat of an upright screw, as a function."""
     layout = get_layout(config)
     through, (x_m, y_m, z_m) = layout.goal(screw.through), layout.hole(screw)
 
-    def rise_m(at_x_m: float, at_y_m: float) -> float:
-        top_m = through.top_m(at_x_m, at_y_m)
+    def rise_m(dx_m: float, dy_m: float) -> float:
+        top_m = through.top_m(x_m + dx_m, y_m + dy_m)
         return -math.inf if top_m is None else top_m - z_m
 
-    return abs(rise_m(x_m, y_m)) <= TOUCH_M or _bears_head(
-        screw, lambda dx_m, dy_m: rise_m(x_m + dx_m, y_m + dy_m)
-    )
+    return rise_m
 
 
 def _falls_in(config: AssemblyConfig, screw: ScrewConfig) -> bool:
@@ -342,7 +341,11 @@ def _falls_in(config: AssemblyConfig, screw: ScrewConfig) -> bool:
     return is_open(1.0) and not is_open(_FAR_RIM)
 
 
-def _bears_head(screw: ScrewConfig, rise_m: Callable[[float, float], float]) -> bool:
+def _bears_head(
+    screw: ScrewConfig,
+    rise_m: Callable[[float, float], float],
+    shares: Sequence[float] = _BEARING,
+) -> bool:
     """Return True if a head rests on the part, and its rim nowhere enters it.
 
     It rests on its rim, or on a ring within, of a boss that is narrower. A slot, or seams of convex
@@ -354,39 +357,39 @@ def _bears_head(screw: ScrewConfig, rise_m: Callable[[float, float], float]) -> 
     rise_m
         Function that returns the height of the part's surface above the seat, by the place from the
         axis [m].
+    shares
+        Radii of the rings, in radii of the rim.
     """
     rim = list_rim(screw)
-    for share in _BEARING:
+    for share in shares:
         rises_m = [rise_m(share * x_m, share * y_m) for x_m, y_m in rim]
         if max(rises_m) > TOUCH_M:
             return False
-        touched = np.array(rim)[np.abs(rises_m) <= TOUCH_M]
+        touched = [at for at, rise in zip(rim, rises_m, strict=True) if abs(rise) <= TOUCH_M]
         if len(touched) >= LEAST_RIM * len(rim):
             return True
         if len(touched) >= _LEAST_ON_BOTH_SIDES * len(rim):
-            off_axis_m = float(np.linalg.norm(touched.mean(axis=0)))
-            if off_axis_m <= _OFF_AXIS * screw.head_diameter_m / 2:
+            x_m, y_m = (fmean(values) for values in zip(*touched, strict=True))
+            if math.hypot(x_m, y_m) <= _OFF_AXIS * screw.head_diameter_m / 2:
                 return True
     return False
 
 
-def _has_oblique_rest(config: AssemblyConfig, screw: ScrewConfig) -> bool:
-    """Return True if the head of an oblique screw rests on its part, by the same rule."""
-    layout = get_layout(config)
-    to_part = layout.goal(screw.through).pose.inverse()
-    into, mouth = to_part.rotate(screw.direction), to_part.apply(layout.hole(screw))
+def _measure_oblique(config: AssemblyConfig, screw: ScrewConfig) -> Callable[[float, float], float]:
+    """Return the height of a part's surface above the seat of an oblique screw, as a function."""
+    to_part = get_layout(config).goal(screw.through).pose.inverse()
+    into, mouth = to_part.rotate(screw.direction), to_part.apply(get_layout(config).hole(screw))
     shapes = config.parts[screw.through].shapes
-
-    def rise_m(point: Point) -> float:
-        met_m = trace_ray_m(shapes, plus(point, into, -_FAR_M), into)
-        return -math.inf if met_m is None else _FAR_M - met_m
-
     level = min(AXES.values(), key=lambda axis: abs(dot(axis, into)))
     across = unit(cross(into, level))
     other = cross(into, across)
-    return abs(rise_m(mouth)) <= TOUCH_M or _bears_head(
-        screw, lambda x_m, y_m: rise_m(plus(plus(mouth, across, x_m), other, y_m))
-    )
+
+    def rise_m(x_m: float, y_m: float) -> float:
+        place = plus(plus(mouth, across, x_m), other, y_m)
+        met_m = trace_ray_m(shapes, plus(place, into, -_FAR_M), into)
+        return -math.inf if met_m is None else _FAR_M - met_m
+
+    return rise_m
 
 
 # Gap of two parts beyond their clearance at which a fit acts on nothing [m].
