@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import count
 from typing import Any
 
 import coal
@@ -262,6 +263,31 @@ class ArmMotion:
     unreachable: Unreachable | None = None
 
 
+class _Candidates:
+    """Paths of a motion, found one after another; each is checked once.
+
+    Attributes
+    ----------
+    elbows
+        Checked paths by number.
+    """
+
+    def __init__(self, strokes: Iterable[Strokes | Unreachable]) -> None:
+        self._strokes = iter(strokes)
+        self._known: list[Strokes | Unreachable] = []
+        self.elbows: dict[int, Elbow] = {}
+
+    def iterate(self) -> Iterator[tuple[int, Strokes | Unreachable]]:
+        """Yield paths with their numbers."""
+        for number in count():
+            while len(self._known) <= number:
+                strokes = next(self._strokes, None)
+                if strokes is None:
+                    return
+                self._known.append(strokes)
+            yield number, self._known[number]
+
+
 class MotionPlanner:
     """Plans the joint paths of motions, once per motion.
 
@@ -309,6 +335,8 @@ class MotionPlanner:
         self._itself = SelfCheck(arm)
         self._known: dict[tuple[Any, ...], DescentPaths] = {}
         self._turns: dict[Hold, Point | None] = {}
+        # Paths by motion, until the turn of the hand is chosen.
+        self._candidates: dict[tuple[Any, ...], _Candidates] = {}
 
     def plan(self, motion: LinearMotion) -> ArmMotion:
         """Return the joint paths of a motion."""
@@ -329,15 +357,19 @@ class MotionPlanner:
             where: tuple[Any, ...] = (motion.tip, motion.above, motion.closing_yaw_rad)
         else:
             where = (motion.approach, motion.retreat, motion.orientation)
-        key = (*where, spares, *ends, event, closing)
+        either = (*where, spares, *ends, event)
+        key = (*either, closing)
         if key not in self._known:
             near = None if closing is None else self._taken(motion, closing)
             preferred = None if closing is None or near is not None else self._paths(motion, None)
             if preferred and closing and self._is_turned(preferred, closing):
                 self._known[key] = preferred
             else:
-                candidates = self._turned(iterate_strokes(self.arm, motion, near), closing)
-                self._known[key] = self._best(candidates, spares, motion)
+                strokes = iterate_strokes(self.arm, motion, near)
+                candidates = _Candidates(strokes)
+                if near is None:
+                    candidates = self._candidates.setdefault(either, candidates)
+                self._known[key] = self._best(candidates, spares, motion, closing)
         return self._known[key]
 
     def _taken(self, motion: LinearMotion, closing: Point) -> Vector | None:
@@ -373,6 +405,7 @@ class MotionPlanner:
             return None
         if hold not in self._turns:
             self._turns[hold] = self._common_turn(self.holds[hold])
+            self._candidates.clear()
         axis = self._turns[hold]
         return None if axis is None else motion.visit.pose.rotate(axis)
 
@@ -411,22 +444,12 @@ class MotionPlanner:
             farthest_rad = max(farthest_rad, round(float(away.max()), 6))
         return lost, met, farthest_rad
 
-    def _turned(
-        self, candidates: Iterable[Strokes | Unreachable], closing: Point | None
-    ) -> Iterator[Strokes | Unreachable]:
-        """Yield the strokes whose jaws close along a direction, and reasons for the others."""
-        for candidate in candidates:
-            if (
-                closing is None
-                or isinstance(candidate, Unreachable)
-                or dot(self._tip_closing(candidate), closing) > 0
-            ):
-                yield candidate
-            else:
-                tip, rotation = self.arm.tip(candidate.down[-1].nodes[-1])
-                yield Unreachable(
-                    _make_point(tip), _OTHERWISE_TURNED, 0.0, _make_point(rotation[:, 2])
-                )
+    def _refuse_turn(self, strokes: Strokes, closing: Point | None) -> Unreachable | None:
+        """Return that the jaws close otherwise than along a direction, or None."""
+        if closing is None or dot(self._tip_closing(strokes), closing) > 0:
+            return None
+        tip, rotation = self.arm.tip(strokes.down[-1].nodes[-1])
+        return Unreachable(_make_point(tip), _OTHERWISE_TURNED, 0.0, _make_point(rotation[:, 2]))
 
     def _tip_closing(self, paths: Strokes) -> Point:
         """Return the unit vector of the closing direction in the world."""
@@ -457,7 +480,7 @@ class MotionPlanner:
                 path if isinstance(path, Unreachable) else mirror_path(path)
                 for path in iterate_descents(self.arm, tip, above, closing_yaw)
             )
-            self._known[key] = self._best(candidates, spares, None)
+            self._known[key] = self._best(_Candidates(candidates), spares, None, None)
         return self._known[key]
 
     def met(
@@ -484,25 +507,24 @@ class MotionPlanner:
 
     def _best(
         self,
-        candidates: Iterable[Strokes | Unreachable],
+        candidates: _Candidates,
         spares: frozenset[str],
         motion: LinearMotion | None,
+        closing: Point | None,
     ) -> DescentPaths:
         elbows: list[Elbow] = []
         failures: list[Unreachable] = []
-        for candidate in candidates:
+        for number, candidate in candidates.iterate():
             if isinstance(candidate, Unreachable):
                 failures.append(candidate)
                 continue
-            overload = None
-            if motion is not None and self.gravity is not None:
-                overload = self.gravity.on_strokes(motion, candidate)
-            elbow = Elbow(
-                candidate,
-                self._met(candidate, spares),
-                self._hit_itself(candidate, motion),
-                overload,
-            )
+            refusal = self._refuse_turn(candidate, closing)
+            if refusal is not None:
+                failures.append(refusal)
+                continue
+            if number not in candidates.elbows:
+                candidates.elbows[number] = self._check(candidate, spares, motion)
+            elbow = candidates.elbows[number]
             if elbow.is_clear:
                 return DescentPaths((elbow,))
             elbows.append(elbow)
@@ -511,6 +533,17 @@ class MotionPlanner:
         # The sort is stable for elbows that meet equally many obstacles.
         return DescentPaths(
             tuple(sorted(elbows, key=lambda elbow: (elbow.blocked, len(elbow.meets))))
+        )
+
+    def _check(
+        self, strokes: Strokes, spares: frozenset[str], motion: LinearMotion | None
+    ) -> Elbow:
+        """Return paths with all that is against them."""
+        overload = None
+        if motion is not None and self.gravity is not None:
+            overload = self.gravity.on_strokes(motion, strokes)
+        return Elbow(
+            strokes, self._met(strokes, spares), self._hit_itself(strokes, motion), overload
         )
 
     def _met(
