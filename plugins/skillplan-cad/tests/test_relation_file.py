@@ -69,7 +69,6 @@ def test_blockers_are_looked_up_by_part_and_direction():
     assert relation.blockers("screw", 1) == ("plate",)
     assert relation.blockers("screw", 4) == ()
     assert np.count_nonzero(relation.matrix) == 2
-    assert relation.opposite(4) == 5
     assert relation.fastener("screw").part == "screw"
     assert relation.fastener("plate") is None
 

@@ -33,7 +33,6 @@ from .planning.assembly_plan import Planner as Planner
 from .planning.assembly_plan import add_groups as add_groups
 from .planning.assembly_plan import find_groups as find_groups
 from .planning.assembly_plan import list_names as list_names
-from .planning.assembly_plan import verify_lock as verify_lock
 from .planning.bearing import ATTITUDES as ATTITUDES
 from .planning.bearing import Bearing as Bearing
 from .planning.bearing import find_bearing as find_bearing
@@ -177,5 +176,4 @@ __all__ = [
     "relieve_fits",
     "replay",
     "shrink_mesh",
-    "verify_lock",
 ]

@@ -327,13 +327,6 @@ class Relation:
         row = self.matrix[direction, self._numbers[part]]
         return tuple(self.parts[number].name for number in np.flatnonzero(row))
 
-    def opposite(self, direction: int) -> int | None:
-        """Return the number of the opposite direction, or None."""
-        opposite = -np.asarray(self.directions[direction])
-        dots = np.asarray(self.directions) @ opposite
-        best = int(np.argmax(dots))
-        return best if dots[best] > 1 - 1e-9 else None
-
     def fastener(self, part: str) -> Fastener | None:
         """Return the fastener of a name, or None for other parts."""
         return next((fastener for fastener in self.fasteners if fastener.part == part), None)

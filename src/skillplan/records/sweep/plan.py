@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -203,12 +203,10 @@ def is_same(first: object, second: object) -> bool:
     return json.dumps(first, sort_keys=True) == json.dumps(second, sort_keys=True)
 
 
-def format_setting(setting: Mapping[str, Value], options: Sequence[str] | None = None) -> str:
+def format_setting(setting: Mapping[str, Value]) -> str:
     """Return a setting as a line such as ``gamma = 0.9, alpha = 0.1``."""
-    shown = setting if options is None else {name: setting[name] for name in options}
-    return (
-        ", ".join(f"{name} = {format_value(value)}" for name, value in shown.items()) or "defaults"
-    )
+    values = (f"{name} = {format_value(value)}" for name, value in setting.items())
+    return ", ".join(values) or "defaults"
 
 
 def format_value(value: Value) -> str:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import heapq
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -120,7 +120,6 @@ def search_front(
     stop: Stop,
     *,
     max_labels: int = MOST_LABELS,
-    on_plan: Callable[[int], None] = lambda count: None,
 ) -> FrontSearch:
     """Return the Pareto front of two costs.
 
@@ -132,10 +131,8 @@ def search_front(
         skill is executed.
     stop
         Ends the search early.
-    on_plan
-        Called with the number of plans after each of them.
     """
-    search = _Search(model, objectives, stop, max_labels, on_plan)
+    search = _Search(model, objectives, stop, max_labels)
     front = search.run(bounded=False)
     if any(len(plan.skills) > model.step_limit for plan in front.plans):
         # The plans without a limit are a relaxation; this pass keeps shorter paths, too.
@@ -150,13 +147,11 @@ class _Search:
         objectives: tuple[Objective, Objective],
         stop: Stop,
         max_labels: int,
-        on_plan: Callable[[int], None],
     ) -> None:
         self.model = model
         self.objectives = objectives
         self.stop = stop
         self.max_labels = max_labels
-        self.on_plan = on_plan
         self.bounds = tuple(
             LandmarkBound(model.task, partial(objective.least, model)) for objective in objectives
         )
@@ -217,7 +212,6 @@ class _Search:
                 plans = [entry for entry in plans if not _covers(label.costs, entry[0])]
                 plans.append((label.costs, label))
                 last_s = time.monotonic()
-                self.on_plan(len(plans))
                 continue
             known[:] = [k for k in known if not _passes(label, k, bounded)]
             known.append((*label.costs, label.steps))

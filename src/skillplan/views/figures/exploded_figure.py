@@ -64,7 +64,7 @@ FILM_FRAMES_PER_S = 12.5
 _NOTHING = "The plan brings no body to a place."
 _GAP_M = 0.018
 _PNG_SCALE = 1.6
-_MOST_HEIGHT_PX, _NUMBERED_WIDTH_PX = 980.0, 1100.0
+_WIDTH_PX, _MOST_HEIGHT_PX, _NUMBERED_WIDTH_PX = 760.0, 980.0, 1100.0
 # Frames in which a part moves, rests, and rests at the end of the film.
 _MOVING, _RESTING, _END = 10, 4, 25
 # Distance at which parts appear, as a share of the size of the product.
@@ -175,7 +175,7 @@ def _share_plan(part: AddedPart, other: AddedPart) -> bool:
     return True
 
 
-def draw_exploded_view(task: Task, skills: Sequence[str], width_px: float = 760.0) -> Picture:
+def draw_exploded_view(task: Task, skills: Sequence[str]) -> Picture:
     """Return the parts of a product in the order in which a plan adds them.
 
     Raises
@@ -186,14 +186,14 @@ def draw_exploded_view(task: Task, skills: Sequence[str], width_px: float = 760.
     parts = find_added_parts(task, skills)
     if not parts:
         raise ValueError(_NOTHING)
-    return _draw_exploded(task.name, take_apart(parts), width_px)
+    return _draw_exploded(task.name, take_apart(parts))
 
 
 AddedBody = tuple[Body, Pose, Point3]
 """A body with its goal and the unit vector in which it comes."""
 
 
-def draw_product(name: str, added: Sequence[AddedBody], width_px: float = 760.0) -> Picture:
+def draw_product(name: str, added: Sequence[AddedBody]) -> Picture:
     """Return the exploded view of a product.
 
     Parameters
@@ -201,7 +201,7 @@ def draw_product(name: str, added: Sequence[AddedBody], width_px: float = 760.0)
     added
         Bodies in the order in which they are added, at least one.
     """
-    return _draw_exploded(name, take_apart(list_added_parts(added)), width_px)
+    return _draw_exploded(name, take_apart(list_added_parts(added)))
 
 
 def list_added_parts(added: Iterable[AddedBody]) -> list[AddedPart]:
@@ -218,13 +218,12 @@ def render_exploded_png(name: str, added: Sequence[AddedBody]) -> bytes:
     return render_figure(figure, ".png", round(PIXELS_PER_IN * _PNG_SCALE))
 
 
-def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Picture:
+def _draw_exploded(name: str, pieces: Sequence[Piece]) -> Picture:
     """Return an exploded view: with names at the side, or with numbers if there are too many."""
     numbered = len(pieces) > MOST_NAMED
     name_px = LEGEND_NAME_PX if numbered else NAMES_PX - 20
     names = _shorten_names(pieces, name_px, SMALL_PX if numbered else TEXT_PX)
-    if numbered:
-        width_px = max(width_px, _NUMBERED_WIDTH_PX)
+    width_px = _NUMBERED_WIDTH_PX if numbered else _WIDTH_PX
     solids = [(piece.part.body, piece.pose) for piece in pieces]
     goals = np.array([piece.part.goal.position for piece in pieces])
     points = np.concatenate([goals, *(piece.corners for piece in pieces)])
@@ -412,7 +411,7 @@ _FREEDOM_HEIGHT_PX = 560.0
 _LENGTH = 0.28
 
 
-def draw_freedom(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760.0) -> Picture:
+def draw_freedom(freedom: Freedom, goals: dict[str, Pose]) -> Picture:
     """Return a part in its place, with its obstacles and its directions.
 
     Parameters
@@ -437,7 +436,7 @@ def draw_freedom(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760
     length_m = _LENGTH * float(np.ptp(every, axis=0).max())
     tips = [middle + length_m * np.array(way.direction) for way in freedom.ways]
     points = np.concatenate([every, tips])
-    room = width_px - 2 * _FREEDOM_MARGIN_PX - _FREEDOM_NAMES_PX
+    room = _WIDTH_PX - 2 * _FREEDOM_MARGIN_PX - _FREEDOM_NAMES_PX
     area = (
         _FREEDOM_MARGIN_PX,
         _FREEDOM_MARGIN_PX,
@@ -447,7 +446,7 @@ def draw_freedom(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760
     lines_px = _LINE_PX * (len(freedom.ways) + 5)
     camera, inner_px = _best_camera(middle, tips).fitted(points, area, lines_px)
     title = f"Obstacles of {freedom.part} in {freedom.task.name}"
-    picture = Picture(width_px, inner_px + 2 * _FREEDOM_MARGIN_PX, title)
+    picture = Picture(_WIDTH_PX, inner_px + 2 * _FREEDOM_MARGIN_PX, title)
     looks = {
         name: _PART if name == freedom.part else _IN_THE_WAY if name in freedom.blockers else _OTHER
         for name in names

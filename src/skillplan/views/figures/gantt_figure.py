@@ -28,7 +28,7 @@ CHANGE = "tool change"
 FAILED, NOT_SIMULATED = "fails in simulation", "as planned, not simulated"
 """Marks of bars in a plan whose simulation failed."""
 
-_LEFT_PX, _RIGHT_PX, _TOP_PX = 12.0, 18.0, 8.0
+_WIDTH_PX, _LEFT_PX, _RIGHT_PX, _TOP_PX = 960.0, 12.0, 18.0, 8.0
 _ROW_PX, _BAR_PX, _AXIS_PX, _LEGEND_PX = 34.0, 24.0, 38.0, 26.0
 _MOST_NAME_PX, _LEAST_PX = 220.0, 7.5
 _TICKS = 8
@@ -113,9 +113,7 @@ def list_plan_bars(
     return bars
 
 
-def draw_gantt_picture(
-    bars: Sequence[PlanBar], title: str, width_px: float = 960.0, *, seeks: bool = False
-) -> Picture:
+def draw_gantt_picture(bars: Sequence[PlanBar], title: str, *, seeks: bool = False) -> Picture:
     """Return bars on a time line.
 
     Parameters
@@ -137,11 +135,11 @@ def draw_gantt_picture(
     }
     marks = [mark for mark in (FAILED, NOT_SIMULATED) if any(bar.mark == mark for bar in bars)]
     names_px = min(_MOST_NAME_PX, max(measure_text_px(row) for row in rows)) + 12
-    left, right = _LEFT_PX + names_px, width_px - _RIGHT_PX
+    left, right = _LEFT_PX + names_px, _WIDTH_PX - _RIGHT_PX
     bottom = _TOP_PX + _ROW_PX * len(rows)
     legend_y = bottom + _AXIS_PX + 10
     height_px = bottom + _AXIS_PX + (2 if marks else 1) * _LEGEND_PX
-    picture = Picture(width_px, height_px, title)
+    picture = Picture(_WIDTH_PX, height_px, title)
     end_s = max(max(bar.end_s for bar in bars), 1e-9)
     scale = (right - left) / end_s
     for time_s in MaxNLocator(_TICKS, steps=[1, 2, 5, 10]).tick_values(0, end_s):

@@ -39,7 +39,7 @@ _TICK_PX = 8.0
 # Distance of grid lines [px], at least.
 _GRID_PX = 70.0
 _LEGEND_PX, _LEGEND_ROW_PX = 44.0, 18.0
-_MOST_HEIGHT_PX = 900.0
+_WIDTH_PX, _MOST_HEIGHT_PX = 960.0, 900.0
 # The base and the rim of the reach are shown unless they shrink the cell below this share.
 _LEAST_SHARE = 0.65
 _STATION_PX = 13.0
@@ -85,7 +85,7 @@ def list_path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
     return steps
 
 
-def draw_layout(task: Task, skills: Sequence[str], width_px: float = 960.0) -> Picture:
+def draw_layout(task: Task, skills: Sequence[str]) -> Picture:
     """Return the cell of a task from above, with the path of a plan.
 
     Raises
@@ -95,13 +95,13 @@ def draw_layout(task: Task, skills: Sequence[str], width_px: float = 960.0) -> P
     """
     if not task.scene.robots:
         raise ValueError("A layout needs a robot.")
-    return _Layout(task, skills, width_px).draw()
+    return _Layout(task, skills).draw()
 
 
 class _Layout:
     """The layers of a picture and their common scale."""
 
-    def __init__(self, task: Task, skills: Sequence[str], width_px: float) -> None:
+    def __init__(self, task: Task, skills: Sequence[str]) -> None:
         self.scene = task.scene
         self.robot: Robot = task.scene.robots[0]
         self.steps = list_path_steps(task, skills)
@@ -112,12 +112,12 @@ class _Layout:
         self.zones = {zone.name: zone for zone in task.scene.zones}
         self.low, self.high = self._extent()
         wide_m, tall_m = self.high[0] - self.low[0], self.high[1] - self.low[1]
-        room = width_px - 2 * _MARGIN_PX
+        room = _WIDTH_PX - 2 * _MARGIN_PX
         self.scale = min(room / wide_m, (_MOST_HEIGHT_PX - 2 * _MARGIN_PX) / tall_m)
-        self.left = (width_px - self.scale * wide_m) / 2
+        self.left = (_WIDTH_PX - self.scale * wide_m) / 2
         height_px = self.scale * tall_m + 2 * _MARGIN_PX + _LEGEND_PX
-        self.picture = Picture(width_px, height_px, f"Cell of {task.name} from above")
-        self.placer = LabelPlacer(width_px / PIXELS_PER_IN, height_px / PIXELS_PER_IN)
+        self.picture = Picture(_WIDTH_PX, height_px, f"Cell of {task.name} from above")
+        self.placer = LabelPlacer(_WIDTH_PX / PIXELS_PER_IN, height_px / PIXELS_PER_IN)
 
     def draw(self) -> Picture:
         """Return the picture."""

@@ -108,19 +108,6 @@ def find_groups(relation: Relation, precedence: Precedence, fixed: int = 0) -> G
     return Groups(0 if alone else core, tuple(splits), tuple(locks))
 
 
-def verify_lock(lock: Lock, relation: Relation) -> bool:
-    """Return whether a lock's rounds are closed walks through all its parts along blockings."""
-    parts = set(list_members(lock.parts))
-    matrix = relation.matrix
-    return len(lock.rounds) == len(relation.directions) and all(
-        set(walk) == parts
-        and all(
-            matrix[direction, part, by] for part, by in zip(walk, (*walk[1:], walk[0]), strict=True)
-        )
-        for direction, walk in enumerate(lock.rounds)
-    )
-
-
 def _collect_blockers(relation: Relation, precedence: Precedence) -> list[list[int]]:
     """Return the set of blockers for each direction and part."""
     blockers_of = [[0] * len(relation.parts) for _ in relation.directions]

@@ -20,6 +20,8 @@ from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, 
 from skillplan.solvers.ordering.relaxation.precedence_cuts import propagate
 
 _CANDIDATES = 10
+# Least gain of a round of cuts, as a fraction of the gap.
+_ENOUGH = 1e-4
 _RELIABLE = 4
 _ROUNDS = 6
 
@@ -374,8 +376,6 @@ def tighten(
     cutoff: float,
     stop: Callable[[], bool],
     on_bound: Callable[[Duals], None],
-    *,
-    enough: float = 1e-4,
 ) -> Duals:
     """Add cuts until they gain nothing, the bound reaches the cutoff or `stop` returns True.
 
@@ -385,8 +385,6 @@ def tighten(
         Relaxation, whose cuts and fixed arcs are changed in place.
     cutoff
         Cost at which orders are not of interest.
-    enough
-        Least gain of a round, as a fraction of the gap, > 0.
     """
     best: Duals | None = None
     stalled = 0
@@ -396,7 +394,8 @@ def tighten(
         duals = relaxation.duals()
         if best is None or duals.bound > best.bound:
             gained = np.inf if best is None else duals.bound - best.bound
-            stalled = 0 if gained > enough * max(1.0, abs(cutoff - duals.bound)) else stalled + 1
+            is_enough = gained > _ENOUGH * max(1.0, abs(cutoff - duals.bound))
+            stalled = 0 if is_enough else stalled + 1
             best = duals
             on_bound(duals)
         else:

@@ -544,7 +544,6 @@ def run_beam(
     cutoff: float,
     width: int,
     stop: Callable[[], bool],
-    on_layer: Callable[[int, int], None] = lambda layer, states: None,
 ) -> Beam | None:
     """Run a beam search; return None if it was stopped.
 
@@ -558,8 +557,6 @@ def run_beam(
         Greatest number of labels in a layer, >= 1.
     stop
         Returns True to stop; polled once a layer.
-    on_layer
-        Called with the number of a layer and of its labels.
     """
     n = instance.n
     bounds = CompletionBounds(instance, duals, _BEAM_BITS)
@@ -582,7 +579,6 @@ def run_beam(
         labels, dropped, tried = expand(labels, arcs, ahead, charges, limits)
         lowest = min(lowest, dropped)
         generated += tried
-        on_layer(layer, len(labels.lasts))
         if stop():
             return None
         if not len(labels.lasts):
