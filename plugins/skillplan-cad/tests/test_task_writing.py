@@ -265,11 +265,17 @@ def test_jaws_close_on_opposite_faces_of_the_mesh(solid, width_m, at_m):
         assert entry["at_m"][0] == pytest.approx(at_m, abs=1e-5)
 
 
-def test_jaws_hold_a_ring_from_outside():
+def test_jaws_hold_a_ring_from_outside_and_a_high_one_from_inside():
     """A washer of 1 mm, with a hole in the middle of which nothing is between the jaws."""
     washer = finder_of(rod(0, 0, 0, 6, 1) - rod(0, 0, -1, 3, 3))
     grasps = washer.find_jaw_grasps(HAND, [DOWN], 0.0)
     assert max(grasp.entry["width_m"] for grasp in grasps) == pytest.approx(0.012, abs=1e-4)
+    # Tips would be in the table below a washer, and rays of a large part are 7 mm apart.
+    slim = replace(HAND, jaw_m=((0.0, 0.002, 0.0, 0.001), (0.05, 0.002, 0.0, 0.001)))
+    assert washer.find_inner_grasps(slim) == []
+    assert finder_of(box(0, 0, 0, 20, 20, 500)).find_inner_grasps(slim) == []
+    ring = finder_of(rod(0, 0, 0, 15, 5) - rod(0, 0, -1, 7, 7))
+    assert {grasp.entry["hold"] for grasp in ring.find_inner_grasps(slim)} == {"inner"}
 
 
 def test_a_plate_that_is_wider_than_jaws_open_is_held_by_no_jaws():

@@ -191,7 +191,7 @@ def has_proper_edges(vertices_m: Points, triangles: Triangles) -> bool:
 
 
 def part_touching_corners(vertices_m: Points, triangles: Triangles, gap_m: float) -> Points:
-    """Return the corners with those that coincide drawn into their bodies by a gap."""
+    """Return the corners; coinciding ones are drawn into their bodies by a gap."""
     rounded = np.round(vertices_m, _FILE_DECIMALS)
     _, place, counts = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
     corners = vertices_m[triangles]

@@ -117,10 +117,9 @@ class Held:
         return part.mass_kg + (equip_hand(hand, self.tool)[1] if in_catalogue else hand.mass_kg)
 
     @property
-    def is_thick(self) -> bool:
-        """True for fingers from above that need more room than finger tips."""
-        from_above = not any("approach" in grasp for grasp in self.grasps)
-        return from_above and (self.tool == GRIPPER or self.tool in GRIPPERS)
+    def is_from_above(self) -> bool:
+        """True if the hand points down."""
+        return not any("approach" in grasp for grasp in self.grasps)
 
     @property
     def entry(self) -> dict[str, Any]:
@@ -273,8 +272,8 @@ class PartHolds:
         self._choices: dict[str, Iterator[Held]] = {}
         self._chosen: dict[str, Held] = {}
         self._failures: dict[str, Failure] = {}
-        # Parts beside which not even finger tips have room.
-        self._narrow: set[str] = set()
+        # Parts without room for finger tips (True), or out of reach of a level hand (False).
+        self._futile: set[tuple[str, bool]] = set()
         self._extensions: dict[str, int] = {}
         self._order: tuple[str, ...] = ()
         self._on: Mapping[str, tuple[str, ...]] = {}
@@ -361,9 +360,7 @@ class PartHolds:
             Why the arm cannot bring the part with the tool before.
         """
         if failure is not None:
-            first = self._failures.setdefault(name, failure)
-            is_far = first.is_far or failure.is_far
-            self._failures[name] = replace(first, is_far=is_far)
+            self._note_failure(name, failure)
         if name in self._relation.driven:
             longer = self.extension(name) + 1
             if longer == len(EXTENSIONS):
@@ -374,11 +371,9 @@ class PartHolds:
             return False
         if name not in self._choices:
             self._choices[name] = self._list_holds(self._get_part(name))
-        part, before = self._get_part(name), self._chosen.get(name)
-        if failure is not None and failure.is_by_fingers and before and before.tool == TIPS:
-            self._narrow.add(name)
+        part = self._get_part(name)
         for held in self._choices[name]:
-            if name in self._narrow and held.is_thick:
+            if self._is_futile(name, held):
                 continue
             tool_kg = held.compute_load_kg(part, self._hand) - part.mass_kg
             if self._describe_load(part, tool_kg, held.tool) is None:
@@ -386,6 +381,22 @@ class PartHolds:
                 return True
             self._heavy.setdefault(name, held)
         return False
+
+    def _note_failure(self, name: str, failure: Failure) -> None:
+        first, held = self._failures.setdefault(name, failure), self._chosen.get(name)
+        from_above = held is None or held.is_from_above
+        # A level hand that does not get there is no reason for a longer arm.
+        is_far = first.is_far or (failure.is_far and from_above)
+        self._failures[name] = replace(first, is_far=is_far)
+        if held is not None and held.tool == TIPS and failure.is_by_fingers:
+            self._futile.add((name, True))
+        if held is not None and not from_above and failure.is_by_arm:
+            self._futile.add((name, False))
+
+    def _is_futile(self, name: str, held: Held) -> bool:
+        """Return whether a gripper is in vain as one that needs less room was."""
+        is_thick = held.tool == GRIPPER or held.tool in GRIPPERS
+        return is_thick and not held.raised_m and (name, held.is_from_above) in self._futile
 
     def give_up(self, name: str) -> dict[str, LeftOut]:
         """Return a part that no tool holds or brings, with the nearest remedy; fix the base."""

@@ -193,10 +193,13 @@ class GraspFinder:
     def find_inner_grasps(self, hand: Hand) -> list[JawGrasp]:
         """Return grasps from above of jaws that open in a hole, at most one of each direction."""
         best: dict[str, JawGrasp] = {}
+        height_m = float(np.ptp(self._local[:, 2]))
+        most_m = height_m - min(_ABOVE_M, _ABOVE_SHARE * height_m)
+        depths_m = [depth_m for depth_m in _INNER_DEPTHS_M if depth_m <= most_m]
         for closing in self._list_closings((0.0, 0.0, -1.0)):
             field = self._trace(np.array([0.0, 0.0, -1.0]), closing)
             centre = field.frame @ self._centre_m
-            for depth_m in _INNER_DEPTHS_M:
+            for depth_m in depths_m:
                 for column in field.list_columns(float(centre[0])):
                     for patch in field.find_holes(column, field.top_m - depth_m, hand):
                         grasp = self._hold_inside(hand, field, patch, depth_m)
@@ -431,11 +434,14 @@ class _Field:
     def find_holes(self, column: int, tip: float, hand: Hand) -> Iterator[_Patch]:
         """Yield the patches on which jaws press outwards in a hole that begins at the top."""
         rows = self.out_m > tip
+        if not rows.any():
+            # Rays of a large part are wide apart.
+            return
         columns = np.abs(self.across_m - self.across_m[column]) <= hand.jaw_half_width_m
         begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
         thick_m = 2 * hand.jaw_thickness_m(self.top_m - tip)
         cell_m2 = self.cell_m[0] * self.cell_m[1]
-        first = int(np.flatnonzero(rows)[0]) if rows.any() else 0
+        first = int(np.flatnonzero(rows)[0])
         mine = self.begins[column, first], self.ends[column, first]
         for end, begin in zip(mine[1][:_MOST_SPANS], mine[0][1 : _MOST_SPANS + 1], strict=False):
             if not np.isfinite(begin):

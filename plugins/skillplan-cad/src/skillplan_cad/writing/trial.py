@@ -27,6 +27,8 @@ SWEPT = "swept"
 _FALLS = ("would tip off", "has nothing beneath it", "' tips towards", "' slides towards")
 # Share of the time limit at which trials end, so that an order of what passed is found.
 _TRIED_SHARE = 0.65
+# Words of reasons for which an arm does not get to a place, the second half of one included.
+_ARM_WORDS = ("the hand cannot point", "of the arm runs into", "the nearest one is")
 # Kinds of skills that bring a part or drive a screw, in order.
 _KINDS = ("pick", "place", "fasten")
 
@@ -56,6 +58,11 @@ class Failure:
     def is_by_fingers(self) -> bool:
         """True if fingers meet another part with every grasp, so thicker ones do, too."""
         return all("a finger runs into" in clause for clause in self.text.split("; "))
+
+    @property
+    def is_by_arm(self) -> bool:
+        """True if the arm does not get to any grasp, so no longer hand does, either."""
+        return all(any(words in clause for words in _ARM_WORDS) for clause in self.text.split("; "))
 
 
 @dataclass(frozen=True, slots=True)
