@@ -264,15 +264,16 @@ def _plan_linear_motion(
     tool: Tool | None,
     drop_height_m: float,
 ) -> LinearMotion:
+    grasps = visit.event in (Event.GRASP, Event.RELEASE)
+    body = task.scene.body(visit.subject) if grasps else None
+    grasp = None if body is None else choose_visit_grasp(body, visit)
     leaves_with = carries
-    grasp: Grasp | None = None
-    if visit.event in (Event.GRASP, Event.RELEASE):
-        grasp = choose_visit_grasp(task.scene.body(visit.subject), visit)
-        leaves_with = visit.subject if visit.event is Event.GRASP else None
-    elif visit.event is Event.FETCH:
+    if visit.event in (Event.GRASP, Event.FETCH):
         leaves_with = visit.subject
-    elif visit.event is Event.DRIVE:
-        carries, leaves_with = visit.subject, None
+    elif visit.event in (Event.RELEASE, Event.DRIVE):
+        leaves_with = None
+    if visit.event is Event.DRIVE:
+        carries = visit.subject
     loads = find_tool_after(robot, visit, tool) if visit.event is Event.LOAD else None
     acting = loads or tool
     points, closing = _find_hand_directions(visit, grasp)
@@ -281,15 +282,7 @@ def _plan_linear_motion(
         closing = _turn_outwards(robot, visit, acting.mount, points, closing)
     drop_m = _choose_drop_m(task.scene, visit, drop_height_m)
     tip = _find_tip(task, visit, grasp)
-    body = None if grasp is None else task.scene.body(visit.subject)
-    shank = _find_shank(task, visit)
-    if shank is not None:
-        low_m = visit.position[2] - _lower_m(shank.shape, visit.pose)
-    elif body is None or visit.pose.is_upright:
-        # The origin of an upright body is at its bottom.
-        low_m = visit.position[2]
-    else:
-        low_m = -body.reach_m(visit.pose, DOWN)
+    low_m = _find_low_m(task, visit, body)
     if is_same_direction(points, DOWN):
         yaw_rad = _find_closing_yaw_rad(visit, grasp, closing)
     else:
@@ -337,6 +330,17 @@ def _plan_linear_motion(
         loads,
         is_exact,
     )
+
+
+def _find_low_m(task: Task, visit: Visit, body: Body | None) -> float:
+    """Return the lowest height of what a hand holds at a visit [m]."""
+    shank = _find_shank(task, visit)
+    if shank is not None:
+        return visit.position[2] - _lower_m(shank.shape, visit.pose)
+    if body is None or visit.pose.is_upright:
+        # The origin of an upright body is at its bottom.
+        return visit.position[2]
+    return -body.reach_m(visit.pose, DOWN)
 
 
 def _turn_outwards(robot: Robot, visit: Visit, mount: Pose, points: Point, closing: Point) -> Point:

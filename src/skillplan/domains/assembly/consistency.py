@@ -116,19 +116,8 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
         yield from check(screw.through, config.parts, "part", *here, "through")
         yield from check(screw.feeder, config.feeders, "feeder", *here, "feeder")
         yield from _check_threads(config, name)
+    yield from _check_goal(config)
     components = [*config.moved_parts, *config.screws]
-    if not components and not config.works:
-        yield Issue(
-            "all parts are fixed, so there is nothing to do. Let a hand move one.", ("parts",)
-        )
-    elif config.goal is None and not config.works:
-        parts = all(part.optional for part in config.moved_parts.values())
-        if parts and all(screw.optional for screw in config.screws.values()):
-            yield Issue(
-                "all parts and screws are optional, so the cheapest plan does nothing. Name facts "
-                "in 'goal', such as placed(NAME), or leave out 'optional' of one.",
-                ("parts",),
-            )
     for i, line in enumerate(config.chart):
         yield from check(line.before, components, "part or screw", "chart", i, "before")
         for j, before in enumerate(line.any_of or ()):
@@ -142,6 +131,21 @@ def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
                 yield Issue(
                     f"{after!r} cannot come before itself. Leave it out.", ("chart", i, "after", j)
                 )
+
+
+def _check_goal(config: AssemblyConfig) -> Iterator[Issue]:
+    if not config.moved_parts and not config.screws and not config.works:
+        yield Issue(
+            "all parts are fixed, so there is nothing to do. Let a hand move one.", ("parts",)
+        )
+    elif config.goal is None and not config.works:
+        parts = all(part.optional for part in config.moved_parts.values())
+        if parts and all(screw.optional for screw in config.screws.values()):
+            yield Issue(
+                "all parts and screws are optional, so the cheapest plan does nothing. Name facts "
+                "in 'goal', such as placed(NAME), or leave out 'optional' of one.",
+                ("parts",),
+            )
 
 
 def _check_threads(config: AssemblyConfig, name: str) -> Iterator[Issue]:

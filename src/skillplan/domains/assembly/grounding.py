@@ -225,29 +225,7 @@ class _Grounding:
             kind=config.kind,
             facts=facts,
             skills=tuple(skills[name] for name in order),
-            initial=facts.of(
-                *(
-                    f"placed({name})"
-                    if part.fixed
-                    else f"apart({name})"
-                    if part.made_of
-                    else f"at_start({name})"
-                    for name, part in config.parts.items()
-                ),
-                *(f"at_start({n})" for n, s in config.screws.items() if s.start_m is not None),
-                NO_TOOL
-                if config.initial_tool is None
-                else vocabulary.name_attached(config, config.initial_tool),
-                HAND_FREE,
-                f"at({HOME})",
-                *([FIXED] if config.fixtures else []),
-                *(name_holding(n, h.parts[0]) for n, h in config.holders.items() if h.stays),
-                *(
-                    name_turned(name, next(iter(entry.orientations)))
-                    for name, entry in config.workholders.items()
-                ),
-                *(name_open(name) for name, h in config.holders.items() if not h.stays),
-            ),
+            initial=facts.of(*_list_initial(config)),
             goal=Condition(facts.of(*goal), facts.none),
             metric=make_metric(config.cost, self.most),
             step_limit=choose_step_limit(config),
@@ -257,15 +235,7 @@ class _Grounding:
                 Literal(*vocabulary.split_literal(text)) for text in config.observation or ()
             ),
             operations=operations,
-            chart=tuple(
-                Precedence(
-                    (firsts := [line.before] if line.before else line.any_of or [])[0],
-                    after,
-                    tuple(firsts[1:]),
-                )
-                for line in config.chart
-                for after in line.after
-            ),
+            chart=tuple(_list_precedences(config)),
             physics=next(
                 (BackEndChoice(name, options or {}) for name, options in config.physics.items()),
                 None,
@@ -1075,6 +1045,30 @@ def _list_goal_placements(config: AssemblyConfig, name: str) -> tuple[Placement,
         pose = get_layout(where).goal(option.done).pose
         placements.append(Placement(f"{fact}({name}{option.label})", pose))
     return tuple(placements)
+
+
+def _list_initial(config: AssemblyConfig) -> Iterator[str]:
+    """Yield the facts that hold at the start."""
+    for name, part in config.parts.items():
+        state = "placed" if part.fixed else "apart" if part.made_of else "at_start"
+        yield f"{state}({name})"
+    yield from (f"at_start({n})" for n, s in config.screws.items() if s.start_m is not None)
+    tool = config.initial_tool
+    yield NO_TOOL if tool is None else vocabulary.name_attached(config, tool)
+    yield HAND_FREE
+    yield f"at({HOME})"
+    if config.fixtures:
+        yield FIXED
+    for name, entry in config.workholders.items():
+        yield name_turned(name, next(iter(entry.orientations)))
+    for name, holder in config.holders.items():
+        yield name_holding(name, holder.parts[0]) if holder.stays else name_open(name)
+
+
+def _list_precedences(config: AssemblyConfig) -> Iterator[Precedence]:
+    for line in config.chart:
+        firsts = [line.before] if line.before else line.any_of or []
+        yield from (Precedence(firsts[0], after, tuple(firsts[1:])) for after in line.after)
 
 
 def _list_pools(config: AssemblyConfig) -> tuple[Pool, ...]:

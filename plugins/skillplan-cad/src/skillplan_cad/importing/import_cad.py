@@ -60,29 +60,56 @@ def build_report(
         "threads": settings.threads,
         "notes": [*product.notes, *findings.joints.notes],
         "warnings": list(product.warnings),
-        "parts": [
+        "parts": _describe_parts(findings),
+        **_describe_overlaps(relation),
+        "untouched": list_untouched(relation),
+        "gaps": build_gaps_document(gaps),
+        "doubts": [
             {
-                "name": part.name,
-                "design": part.design,
-                "kind": known.kind,
-                "mass_kg": known.mass_kg,
-                "density_kg_m3": part.density_kg_m3,
-                "material": findings.materials.get(part.name),
-                "volume_mm3": round(part.volume_m3 * 1e9, 3),
-                "centre_mm": _mm3(part.centre_m),
-                "size_mm": [_mm(float(extent)) for extent in part.bounds_m[1] - part.bounds_m[0]],
-                "triangles": len(part.triangles),
-                "bodies": part.bodies,
-                "closure": part.closure,
-                "gap_mm": _mm(part.gap_m),
-                "free": [
-                    list(relation.directions[number])
-                    for number in range(len(relation.directions))
-                    if not relation.blockers(part.name, number)
-                ],
+                "part": doubt.part,
+                "by": doubt.by,
+                "direction": list(relation.directions[doubt.direction]),
+                "rays_say_blocked": doubt.rays_say_blocked,
             }
-            for part, known in zip(product.parts, relation.parts, strict=True)
+            for doubt in findings.doubts
         ],
+        "waived_threads": [
+            {"part": part, "by": by, "direction": list(relation.directions[number])}
+            for part, by, number in waived
+        ],
+    }
+
+
+def _describe_parts(findings: Findings) -> list[dict[str, Any]]:
+    product, relation = findings.product, findings.relation
+    return [
+        {
+            "name": part.name,
+            "design": part.design,
+            "kind": known.kind,
+            "mass_kg": known.mass_kg,
+            "density_kg_m3": part.density_kg_m3,
+            "material": findings.materials.get(part.name),
+            "volume_mm3": round(part.volume_m3 * 1e9, 3),
+            "centre_mm": _mm3(part.centre_m),
+            "size_mm": [_mm(float(extent)) for extent in part.bounds_m[1] - part.bounds_m[0]],
+            "triangles": len(part.triangles),
+            "bodies": part.bodies,
+            "closure": part.closure,
+            "gap_mm": _mm(part.gap_m),
+            "free": [
+                list(relation.directions[number])
+                for number in range(len(relation.directions))
+                if not relation.blockers(part.name, number)
+            ],
+        }
+        for part, known in zip(product.parts, relation.parts, strict=True)
+    ]
+
+
+def _describe_overlaps(relation: Relation) -> dict[str, Any]:
+    """Return overlaps that are none and those that are fits, as keys of the report."""
+    return {
         "interference": [
             {
                 "parts": list(interference.parts),
@@ -103,21 +130,6 @@ def build_report(
             }
             for contact in relation.contacts
             if contact.fit is not None
-        ],
-        "untouched": list_untouched(relation),
-        "gaps": build_gaps_document(gaps),
-        "doubts": [
-            {
-                "part": doubt.part,
-                "by": doubt.by,
-                "direction": list(relation.directions[doubt.direction]),
-                "rays_say_blocked": doubt.rays_say_blocked,
-            }
-            for doubt in findings.doubts
-        ],
-        "waived_threads": [
-            {"part": part, "by": by, "direction": list(relation.directions[number])}
-            for part, by, number in waived
         ],
     }
 
