@@ -173,6 +173,8 @@ def multiply_matrices(left: Vector, right: Vector) -> Vector:
 _FAR_M, _FAST_M_PER_S = 10.0, 50.0
 # Distance below which bodies bear on each other [m].
 _NEAR_M = 0.0005
+# Speed that wakes a body and moves it by nothing that counts [m/s].
+_WAKING_M_PER_S = 1e-12
 
 
 class World(simulator.World):
@@ -189,8 +191,9 @@ class World(simulator.World):
         self.numbers[TABLE] = self.ids[TABLE]
         self.filters: PairMasks = PairMasks(self.model, cell.owners, self.numbers)
         self._is_prepared = False
-        # Contacts of the last step, once read.
+        # Contacts of the last step, once read; and those of bodies that sleep since.
         self._touches: list[Touch] | None = None
+        self._resting: list[Touch] = []
         self.filters.set()
 
     def show_arm(self) -> None:
@@ -226,8 +229,26 @@ class World(simulator.World):
 
     def advance(self) -> None:
         """Simulate a prepared part of a step."""
+        awake = int(self.data.ntree_awake)
         mujoco.mj_step2(self.model, self.data)
         self._is_prepared, self._touches = False, None
+        if self.data.ntree_awake < awake:
+            self._resting = [touch for touch in self.touches() if self._is_resting(touch)]
+
+    def _is_resting(self, touch: Touch) -> bool:
+        """Return whether a contact is between bodies that sleep or cannot move."""
+        return self._is_asleep(touch.first) and self._is_asleep(touch.second)
+
+    def _is_asleep(self, name: str) -> bool:
+        tree = int(self.model.body_treeid[self.ids[name]])
+        return tree < 0 or int(self.data.tree_asleep[tree]) >= 0
+
+    def _wake(self) -> None:
+        """Let all bodies move again, as supports or bonds of sleeping ones may be gone."""
+        asleep = np.flatnonzero(self.data.tree_asleep >= 0)
+        # MuJoCo wakes bodies that have a speed.
+        self.data.qvel[self.model.tree_dofadr[asleep]] = _WAKING_M_PER_S
+        self._is_prepared = False
 
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
         """Put a body at a pose; only bodies that a task fixes cannot be moved."""
@@ -246,6 +267,7 @@ class World(simulator.World):
     def remove(self, name: str) -> None:
         """Take a body out of the world, with all its fastenings."""
         self._release_all(name)
+        self._wake()
         place, speed = self.cell.coordinates(name)
         self.data.qpos[place] = self.model.qpos0[place]
         self.data.qvel[speed] = 0.0
@@ -393,6 +415,12 @@ class World(simulator.World):
     def release(self, constraint: int) -> None:
         """Remove a constraint."""
         self.data.eq_active[constraint] = 0
+        self._wake()
+
+    def part(self, name: str, others: Iterable[str]) -> None:
+        """Let a body pass through others."""
+        super().part(name, others)
+        self._wake()
 
     def nearest(self, name: str, others: Iterable[str] | None = None) -> str | None:
         """Return the body that touches or is nearest to another within 0.5 mm, or None."""
@@ -423,14 +451,14 @@ class World(simulator.World):
         return self._touches
 
     def _read_touches(self) -> list[Touch]:
-        data = self.data
+        data, resting = self.data, [touch for touch in self._resting if self._is_resting(touch)]
         if not data.ncon:
-            return []
+            return resting
         contacts, force_n = data.contact, np.array(data.efc_force)
         rows: Vector = contacts.efc_address
         pressing = [n for n, row in enumerate(rows.tolist()) if row >= 0 and force_n[row] > 0.0]
         if not pressing:
-            return []
+            return resting
         first_row = rows[pressing]
         frames = contacts.frame[pressing].reshape(-1, 3, 3)
         normal = force_n[first_row, np.newaxis] * frames[:, 0]
@@ -447,7 +475,7 @@ class World(simulator.World):
         names = zip(
             contacts.geom2[pressing].tolist(), contacts.geom1[pressing].tolist(), strict=True
         )
-        return [
+        return resting + [
             Touch(labels[feels], labels[gives], places[n], frames[n, 0], size_n, felt_n[n])
             for n, ((feels, gives), size_n) in enumerate(
                 zip(names, force_n[first_row].tolist(), strict=True)
