@@ -214,8 +214,11 @@ class World(simulator.World):
     def prepare(self) -> None:
         """Compute positions, contacts, inertia and bias for the next step."""
         if not self._is_prepared:
+            awake = int(self.data.ntree_awake)
             mujoco.mj_step1(self.model, self.data)
             self._is_prepared, self._touches = True, None
+            if self.data.ntree_awake > awake:
+                self._resting = [touch for touch in self._resting if self._is_resting(touch)]
 
     def step(self) -> None:
         """Advance by 1/240 s, or by the last part of a divided step."""
@@ -248,7 +251,7 @@ class World(simulator.World):
         asleep = np.flatnonzero(self.data.tree_asleep >= 0)
         # MuJoCo wakes bodies that have a speed.
         self.data.qvel[self.model.tree_dofadr[asleep]] = _WAKING_M_PER_S
-        self._is_prepared = False
+        self._is_prepared, self._resting = False, []
 
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
         """Put a body at a pose; only bodies that a task fixes cannot be moved."""
@@ -451,14 +454,14 @@ class World(simulator.World):
         return self._touches
 
     def _read_touches(self) -> list[Touch]:
-        data, resting = self.data, [touch for touch in self._resting if self._is_resting(touch)]
+        data, resting = self.data, self._resting
         if not data.ncon:
-            return resting
+            return list(resting)
         contacts, force_n = data.contact, np.array(data.efc_force)
         rows: Vector = contacts.efc_address
         pressing = [n for n, row in enumerate(rows.tolist()) if row >= 0 and force_n[row] > 0.0]
         if not pressing:
-            return resting
+            return list(resting)
         first_row = rows[pressing]
         frames = contacts.frame[pressing].reshape(-1, 3, 3)
         normal = force_n[first_row, np.newaxis] * frames[:, 0]
@@ -475,11 +478,14 @@ class World(simulator.World):
         names = zip(
             contacts.geom2[pressing].tolist(), contacts.geom1[pressing].tolist(), strict=True
         )
-        return resting + [
-            Touch(labels[feels], labels[gives], places[n], frames[n, 0], size_n, felt_n[n])
-            for n, ((feels, gives), size_n) in enumerate(
-                zip(names, force_n[first_row].tolist(), strict=True)
-            )
+        return [
+            *resting,
+            *(
+                Touch(labels[feels], labels[gives], places[n], frames[n, 0], size_n, felt_n[n])
+                for n, ((feels, gives), size_n) in enumerate(
+                    zip(names, force_n[first_row].tolist(), strict=True)
+                )
+            ),
         ]
 
     def points_on(self, name: str) -> list[Touch]:

@@ -237,6 +237,15 @@ def fix_joined(world: World, screw: Body) -> None:
             world.fasten(other, joined[0])
 
 
+def free_joined(world: World, screw: Body, bodies: Iterable[Body]) -> None:
+    """Release the bodies that only a screw joined, once it is out of the world."""
+    driven = {name for pair in world.fastened for name in pair}
+    others = [set(body.joins) for body in bodies if body.joins and body.name in driven]
+    for pair in sorted(world.fastened):
+        if set(pair) <= set(screw.joins) and not any(set(pair) <= other for other in others):
+            world.unfasten(*pair)
+
+
 def list_fixed_to(world: World, held: Collection[str]) -> frozenset[str]:
     """Return some bodies, and the ones fixed to them directly or through others."""
     fixed = set(held)

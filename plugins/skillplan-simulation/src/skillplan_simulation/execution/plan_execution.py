@@ -430,7 +430,8 @@ class _PlanExecution:
         A part that failed is taken away, as by hand, and the arm goes on from the end of the skill.
         """
         parts, none = _list_parts(skill, state), self.task.facts.none
-        lost = [part for part in parts if part in self.taken_away]
+        needed = [*parts, *skill.parameters.values()]
+        lost = [part for part in needed if part in self.taken_away]
         if lost:
             reason = f"{lost[0]} was taken away after {self.taken_away[lost[0]]}"
             after = skill.prediction_in(state).apply(state)
@@ -441,13 +442,11 @@ class _PlanExecution:
         after = skill.prediction_in(state).apply(state)
         if verdict.is_feasible or not (self.keeps_going and parts and self.world.is_sane()):
             return verdict, after, verdict.is_feasible
-        if not self.arrived:
-            for part in parts:
-                self.taken_away[part] = skill.name
-                self.runner.give_up(part)
-            self.runner.stand_again(self.here_rad)
-            after = self._leave_out(parts, after)
-        return verdict, after, True
+        for part in parts:
+            self.taken_away[part] = skill.name
+            self.runner.give_up(part)
+        self.runner.stand_again(self.here_rad)
+        return verdict, self._leave_out(parts, after), True
 
     def _leave_out(self, parts: Sequence[str], state: State) -> State:
         """Return a state without parts at their goals."""
@@ -456,7 +455,6 @@ class _PlanExecution:
 
     def _execute(self, skill: Skill, state: State) -> Verdict:
         facts = self.task.facts
-        self.arrived = False
         if not skill.applicable(state):
             missing = skill.why_not(state)
             return Verdict.infeasible(
@@ -515,7 +513,6 @@ class _PlanExecution:
         """Return the verdict of a search: a collision takes precedence over its consequences."""
         record = self.workcell.record_of(skill, state, planned, self.runner, begin_s)
         verdict = check_postcondition(skill, record, self.rules.tolerances)
-        self.arrived = verdict.is_feasible
         collision = find_collision(record, self.rules.judges)
         if collision is None:
             return verdict

@@ -22,6 +22,7 @@ from skillplan_simulation.execution.fastenings import (
     Turn,
     fix_in_place,
     fix_joined,
+    free_joined,
     list_fixed_to,
 )
 from skillplan_simulation.execution_settings import ExecutionSettings
@@ -362,6 +363,7 @@ class SkillRunner(ControlledRobot):
             self.carry(None)
         if name in self.world.numbers:
             self.world.remove(name)
+            free_joined(self.world, self.scene.body(name), self.scene.bodies)
 
     def take(self, planned: ArmMotion) -> None:
         """Put the part that a motion releases into the hand, as if picked up before."""
