@@ -164,14 +164,15 @@ class TaskTrials:
         setup = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
         feasibility = make_feasibility(task, setup)
         try:
-            if not self.is_late:
-                # Later, the order tells which are out of reach.
-                self._forget_far(feasibility, config)
             first = [name for name in order if name in doubtful]
             failures = dict(self._try_skills(feasibility, config, order, first))
             if failures and not self._watch.must_stop():
                 return Trial(failures=failures)
             failures |= self._try_skills(feasibility, config, order, order)
+            if not failures and not self.is_late:
+                # Later, the order tells which are out of reach.
+                self._forget_far(feasibility, config)
+                failures |= self._try_skills(feasibility, config, order, order)
             left = [name for name in (*config.parts, *config.screws) if name not in self.granted]
             untried = tuple(
                 name
@@ -236,11 +237,14 @@ class TaskTrials:
         task = feasibility.task
         skills = {skill.name: skill for skill in task.skills}
         for name in sorted(self.granted):
-            if self._moved.get(name) == _list_motions(task, name):
+            motions = _list_motions(task, name)
+            if self._moved.get(name) == motions:
                 continue
             if name in config.parts or name in config.screws:
                 turn = _list_facts(task, config, _list_supports(config, name), name)
-                if _try_one(feasibility, skills, turn, name) is not None:
+                if _try_one(feasibility, skills, turn, name) is None:
+                    self._moved[name] = motions
+                else:
                     self.granted.discard(name)
 
     def _use_known_meshes(
