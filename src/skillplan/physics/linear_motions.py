@@ -333,7 +333,7 @@ def _plan_linear_motion(
 
 
 def _find_low_m(task: Task, visit: Visit, body: Body | None) -> float:
-    """Return the lowest height of what a hand holds at a visit [m]."""
+    """Return the lowest height of the held body at a visit [m]."""
     shank = _find_shank(task, visit)
     if shank is not None:
         return visit.position[2] - _lower_m(shank.shape, visit.pose)

@@ -50,7 +50,7 @@ class Episode:
         ``complete``, ``infeasible`` after a skill that could not be executed, or ``out-of-time``
         at the step limit.
     actions
-        Actions taken, in order, including one that failed.
+        Actions taken, in order, including a failed one.
     cost
         Sum of the costs of the skills executed, in the task's metric.
     reward

@@ -40,10 +40,8 @@ class ValueIterationSolver(BellmanSolver):
         """Sweep; without discount from the values of the initial policy.
 
         From above, the values converge to those of the best proper policy, even if a cycle costs
-        nothing;
-        from below they could converge to those of the cycle (Bertsekas and Yu, "Stochastic shortest
-        path
-        problems under weak conditions", 2016).
+        nothing; from below they could converge to the values of the cycle (Bertsekas and Yu,
+        "Stochastic shortest path problems under weak conditions", 2016).
         """
         values = task.values.copy()
         values[task.order] = 0.0

@@ -108,7 +108,7 @@ def _describe_parts(findings: Findings) -> list[dict[str, Any]]:
 
 
 def _describe_overlaps(relation: Relation) -> dict[str, Any]:
-    """Return overlaps that are none and those that are fits, as keys of the report."""
+    """Return interferences and fits, as keys of the report."""
     return {
         "interference": [
             {
