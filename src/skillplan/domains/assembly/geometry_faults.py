@@ -292,7 +292,7 @@ def _find_hole_issues(config: AssemblyConfig) -> Iterator[Issue]:
         head = f"the head of {name!r}, {screw.head_diameter_m * 1e3:.1f} mm wide,"
         if _bears_head(screw, rise_m, _BEARING[1:]):
             message = (
-                f"{head} runs into {screw.through!r} beside its seat. Give a narrower head, or "
+                f"{head} runs into {screw.through!r} next to its seat. Give a narrower head, or "
                 "move the hole."
             )
         elif is_oblique:

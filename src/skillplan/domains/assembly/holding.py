@@ -273,10 +273,18 @@ def trace_ray_m(shapes: Iterable[Shape], start: Point, direction: Point) -> floa
     Parameters
     ----------
     start
-        A point outside all of them [m].
+        A point outside all of them, or 0 is returned [m].
     """
-    spans = (span for shape in shapes for span in _find_spans(shape, start, direction))
-    return min((first for first, last in spans if last > 0), default=None)
+    met_m: list[float] = []
+    for shape in shapes:
+        if isinstance(shape, Mesh):
+            crossings = _list_crossings(shape, start, direction)
+            ahead = sorted((round(at, 9), side) for at, side in crossings if at > 0)
+            # The first face ahead is left if the start is inside.
+            met_m += [at if side < 0 else 0.0 for at, side in ahead[:1]]
+        elif (span := _find_span(shape, start, direction)) is not None and span[1] > 0:
+            met_m.append(max(span[0], 0.0))
+    return min(met_m, default=None)
 
 
 def _find_wall(spans: Sequence[tuple[float, float]], at_m: float) -> tuple[float, float] | None:
