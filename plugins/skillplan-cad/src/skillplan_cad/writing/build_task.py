@@ -344,13 +344,9 @@ class _TaskBuilder:
             if unfinished:
                 self._leave_out(_list_unexamined(unfinished))
                 continue
-            names = [name for name in self._holds.list_order() if name in task.names]
-            order = [task.names[name] for name in names]
-            lacking = () if rival is None else task.names.keys() - rival.names.keys()
-            doubtful = [task.names[name] for name in lacking]
-            trial = trials.try_task(task.document, task.files, order, doubtful)
+            trial = self._try(task, trials, rival)
             if self._retreat(task, trial) or self._lift(trial):
-                trials.forget(*order)
+                trials.forget(*task.names.values())
                 continue
             general = trial.refusals.get("")
             if general is not None and len(trial.refusals) == 1:
@@ -362,6 +358,19 @@ class _TaskBuilder:
                     task, skills=trial.skills, doubt=trial.doubt, why_no_nest=why_no_nest
                 )
             self._leave_out(more)
+
+    def _try(self, task: WrittenTask, trials: TaskTrials, rival: WrittenTask | None) -> Trial:
+        """Try a task: first what its rival lacks, and no more after a failure by the nest."""
+        order = [task.names[name] for name in self._holds.list_order() if name in task.names]
+        lacking = () if rival is None else task.names.keys() - rival.names.keys()
+        doubtful = [task.names[name] for name in lacking]
+        return trials.try_task(
+            task.document,
+            task.files,
+            order,
+            doubtful,
+            lambda failure: self._is_nest_in(task, failure.text),
+        )
 
     def list_untried(self, trials: TaskTrials) -> dict[str, LeftOut]:
         """Return the parts that were left out, and the parts without a passed trial."""
@@ -401,18 +410,21 @@ class _TaskBuilder:
         if nest is not None:
             writer.seat(nest)
 
-    def _retreat(self, task: WrittenTask, trial: Trial) -> bool:
-        """Return whether the arm or a part met the nest; then a shallower one is tried, or none."""
+    def _is_nest_in(self, task: WrittenTask, text: str) -> bool:
+        """Return whether a text names the nest that a task may do without."""
         if task.nest is None or self._nests is None:
             return False
+        return re.search(rf"(?<![\w-]){re.escape(task.nest.name)}(?![\w-])", text) is not None
+
+    def _retreat(self, task: WrittenTask, trial: Trial) -> bool:
+        """Return whether the arm or a part met the nest; then a shallower one is tried, or none."""
         texts = [
             *trial.refusals.values(),
             *(failure.text for failure in trial.failures.values()),
             *(conflict.text for conflict in trial.conflicts.values()),
         ]
-        is_named = re.compile(rf"(?<![\w-]){re.escape(task.nest.name)}(?![\w-])")
-        words = next((text for text in texts if is_named.search(text)), None)
-        if words is not None:
+        words = next((text for text in texts if self._is_nest_in(task, text)), None)
+        if words is not None and self._nests is not None:
             self._nests.retreat(words)
         return words is not None
 

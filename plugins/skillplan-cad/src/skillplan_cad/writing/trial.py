@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -142,6 +142,7 @@ class TaskTrials:
         files: Mapping[str, str],
         order: Sequence[str],
         doubtful: Collection[str] = (),
+        is_final: Callable[[Failure], bool] = lambda failure: False,
     ) -> Trial:
         """Check a task, try each pick, place and fastening when its turn comes, and find an order.
 
@@ -155,6 +156,8 @@ class TaskTrials:
             Names of parts and screws in the order of the plan.
         doubtful
             Names that are tried before all others; if one fails, the others are not tried.
+        is_final
+            Returns True for a failure after which nothing else is tried.
         """
         config = self._check(document, files)
         if isinstance(config, Trial):
@@ -165,10 +168,14 @@ class TaskTrials:
         feasibility = make_feasibility(task, setup)
         try:
             first = [name for name in order if name in doubtful]
-            failures = dict(self._try_skills(feasibility, config, order, first))
-            if failures and not self._watch.must_stop():
-                return Trial(failures=failures)
-            failures |= self._try_skills(feasibility, config, order, order)
+            failures: dict[str, Failure] = {}
+            for chosen in (first, order):
+                for name, failure in self._try_skills(feasibility, config, order, chosen):
+                    failures[name] = failure
+                    if is_final(failure):
+                        return Trial(failures=failures)
+                if chosen is first and failures and not self._watch.must_stop():
+                    return Trial(failures=failures)
             if not failures and not self.is_late:
                 # Later, the order tells which are out of reach.
                 self._forget_far(feasibility, config)
