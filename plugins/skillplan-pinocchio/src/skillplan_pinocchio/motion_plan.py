@@ -538,7 +538,7 @@ class MotionPlanner:
     def _check(
         self, strokes: Strokes, spares: frozenset[str], motion: LinearMotion | None
     ) -> Elbow:
-        """Return paths with all that is against them."""
+        """Return paths with the obstacles and torques that block them."""
         overload = None
         if motion is not None and self.gravity is not None:
             overload = self.gravity.on_strokes(motion, strokes)
