@@ -175,6 +175,8 @@ _FAR_M, _FAST_M_PER_S = 10.0, 50.0
 _NEAR_M = 0.0005
 # Speed that wakes a body and moves it by nothing that counts [m/s].
 _WAKING_M_PER_S = 1e-12
+# MuJoCo's counter of a body that may sleep after ten steps at rest.
+_JUST_WOKEN = -11
 
 
 class World(simulator.World):
@@ -194,6 +196,8 @@ class World(simulator.World):
         # Contacts of the last step, once read; and those of bodies that sleep since.
         self._touches: list[Touch] | None = None
         self._resting: list[Touch] = []
+        # Numbers of the bodies that a skill moves, which stay awake.
+        self._moving: list[int] = []
         self.filters.set()
 
     def show_arm(self) -> None:
@@ -215,6 +219,9 @@ class World(simulator.World):
         """Compute positions, contacts, inertia and bias for the next step."""
         if not self._is_prepared:
             awake = int(self.data.ntree_awake)
+            for tree in self._moving:
+                if self.data.tree_asleep[tree] < 0:
+                    self.data.tree_asleep[tree] = _JUST_WOKEN
             mujoco.mj_step1(self.model, self.data)
             self._is_prepared, self._touches = True, None
             if self.data.ntree_awake > awake:
@@ -248,9 +255,12 @@ class World(simulator.World):
 
     def _wake(self) -> None:
         """Let all bodies move again, as supports or bonds of sleeping ones may be gone."""
-        asleep = np.flatnonzero(self.data.tree_asleep >= 0)
+        counters = self.data.tree_asleep
+        asleep = np.flatnonzero(counters >= 0)
         # MuJoCo wakes bodies that have a speed.
         self.data.qvel[self.model.tree_dofadr[asleep]] = _WAKING_M_PER_S
+        # Bodies that were still in the hand would sleep in the step in which it lets them go.
+        counters[counters < 0] = _JUST_WOKEN
         self._is_prepared, self._resting = False, []
 
     def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
@@ -281,7 +291,9 @@ class World(simulator.World):
         self.filters.set()
 
     def stand(self, moving: Iterable[str]) -> None:
-        """Do nothing: bodies that are not moved need no fixing here."""
+        """Keep bodies that are moved awake: one at rest in the jaws must fall once they open."""
+        trees = [self.model.body_treeid[self.ids[name]] for name in moving if name in self.ids]
+        self._moving = [int(tree) for tree in trees if tree >= 0]
 
     def push(self, name: str, force_n: Vector) -> None:
         """Push the centre of a body in every step until further notice [N], shape (3,)."""
