@@ -244,19 +244,6 @@ def test_a_part_that_fails_after_a_turn_for_which_it_waited_goes_in_before_it():
     assert task.bearing.get_up("cap") == UP
 
 
-def test_what_waits_for_a_turn_is_left_out_if_the_only_turn_fails():
-    """No tool holds the needles: one under the knob, and one that could come from below."""
-    body = box(0, 0, 0, 60, 60, 30) - box(29, 29, 20, 31, 31, 31) - box(29, 29, -1, 31, 31, 10)
-    needles = {f"needle_{z}": box(29.9, 29.9, z, 30.1, 30.1, top) for z, top in ((20, 30), (5, 10))}
-    product = product_of(body=body, knob=box(20, 20, 30, 40, 40, 45), **needles)
-    known = related(product)
-    plan = Planner(product, known).plan()
-    bearing = find_bearing(product, known, UP, holding=True)
-    task = build_task(product, known, plan, bearing=bearing, holding=True, turning=True)
-    assert task.names.keys() == {"body", "knob"}
-    assert task.left_out.keys() == needles.keys()
-
-
 @pytest.mark.slow(reason="tries grasps and a turn with swept; no cheaper case has a turn")
 def test_a_turned_task_without_a_known_order_replaces_none_with_an_order():
     """Time ends in the search for the order of the turned task."""
