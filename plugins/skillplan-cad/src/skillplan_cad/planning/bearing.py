@@ -194,7 +194,8 @@ def find_best_bearing(
     best_key = (0.0, 0.0, 0)
 
     def weigh(names: Collection[str]) -> float:
-        mass = sum(masses[name] for name in names if name not in driven) / sum(masses.values())
+        carried = [mass for name, mass in masses.items() if name in names and name not in driven]
+        mass = sum(carried) / sum(masses.values())
         return round(len(names) / len(product) + mass, 6)
 
     def list_brought(bearing: Bearing) -> set[str]:

@@ -111,7 +111,7 @@ def decompose_convex(
         _, _, body, gap = heapq.heappop(waiting)
         halves = _cut(body, gap, hollows)
         bodies = [own for half in halves or () for own in _list_bodies(half)]
-        if bodies and len(done) + len(waiting) + len(bodies) <= most:
+        if bodies and len(done) + len(waiting) + len(bodies) <= _MOST_OF_ALL:
             add(bodies)
         else:
             # No cut is possible, or its halves fall into more bodies than there is room for.
