@@ -580,7 +580,10 @@ class SkillRunner(ControlledRobot):
     @property
     def _jaws_s(self) -> float:
         """Time of the jaws across their clearance [s]."""
-        return self.settings.clearance_m / JAW_SPEED_M_PER_S
+        tool = self.tools.tool
+        own_m = None if tool is None else tool.clearance_m
+        clearance_m = self.settings.clearance_m if own_m is None else own_m
+        return clearance_m / JAW_SPEED_M_PER_S
 
     def _driven(self, fetched: LinearMotion) -> tuple[LinearMotion, Vector]:
         """Return the motion that drives a fetched screw, and the rotation of the hand in it."""
