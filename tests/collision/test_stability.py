@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from skillplan import load_problem
+from skillplan.checks import Feasibility
 from skillplan.collision import AabbDetector, StabilityDetector
 from skillplan.pipeline import Setup
 
@@ -44,9 +45,9 @@ PLACED = ("placed(block)", "placed(arm)")
 def cell(tmp_path):
     """Return a task with a block on a plate that turns, and an arm that overhangs on the block."""
 
-    def load(force=""):
+    def load(change=("FORCE", "")):
         path = tmp_path / "cell.yaml"
-        path.write_text(CELL.replace("FORCE", force))
+        path.write_text(CELL.replace(*change).replace("FORCE", ""))
         return load_problem(path).tasks[0]
 
     return load
@@ -63,6 +64,17 @@ def judge(detector, skill, *facts):
     verdict = detector.check(task.skill(skill), state)
     assert verdict.applies_in(state)
     return None if verdict.is_feasible else verdict.reason
+
+
+def test_one_of_several_grasps_is_decided_before_the_turn_that_the_place_needs(cell):
+    """The verdict then rests on the orientation, which is another one."""
+    grasps = "grasp: [{closing_axis: y}, {closing_axis: x}], orientation: turned, goal_on: plate"
+    task = cell(("goal_on: plate", grasps))
+    verdict = Feasibility(task, [StabilityDetector(task)]).verdict(
+        task.skill("pick(block)"), task.initial
+    )
+    assert verdict.is_feasible
+    assert task.facts.of("turned(flip.turned)").bits & verdict.absent.bits
 
 
 def test_an_overhanging_part_needs_a_holder_until_its_screw_is_in(cell):
@@ -94,14 +106,20 @@ def test_a_part_that_stands_may_turn_about_the_vertical(cell):
 
 def test_the_force_of_a_holder_bears_so_much_by_friction(cell):
     facts = (*PLACED, "fastened(screw)", "holds(vise.block)")
-    weak = judge(StabilityDetector(cell(", force_n: 10")), "turn(flip.down)", *facts)
+    weak = judge(StabilityDetector(cell(("FORCE", ", force_n: 10"))), "turn(flip.down)", *facts)
     assert weak == (
         "vise bears 6 N by friction with its force of 10 N, and block with all on it weighs 6.87 N "
         "while flip turns"
     )
-    assert judge(StabilityDetector(cell(", force_n: 12")), "turn(flip.down)", *facts) is None
+    assert (
+        judge(StabilityDetector(cell(("FORCE", ", force_n: 12"))), "turn(flip.down)", *facts)
+        is None
+    )
     # About the vertical the plate bears it.
-    assert judge(StabilityDetector(cell(", force_n: 1")), "turn(flip.turned)", *facts) is None
+    assert (
+        judge(StabilityDetector(cell(("FORCE", ", force_n: 1"))), "turn(flip.turned)", *facts)
+        is None
+    )
 
 
 def test_it_is_among_the_detectors_of_files_with_workholders_or_holders(cell):

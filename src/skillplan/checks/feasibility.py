@@ -85,7 +85,9 @@ def ask_chain(chain: tuple[Link, ...], ask: Ask, skill: Skill, state: State) -> 
     """
     facts = state.facts
     condition = skill.condition(state)
-    present, absent = condition.requires.bits, condition.forbids.bits
+    # A pick is also checked with its place, which may need a turn of the product first.
+    bits = condition.requires.bits | condition.forbids.bits
+    present, absent = bits & state.bits, bits & ~state.bits
     unknown: Verdict | None = None
     for link in chain:
         verdict = ask(link, skill, state)
