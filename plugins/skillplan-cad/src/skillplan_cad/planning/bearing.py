@@ -183,9 +183,9 @@ def find_best_bearing(
     """Return the orientation in which most parts stand by themselves and come straight down.
 
     Number and mass count the same, and so do standing and coming from above: a hand meets the
-    product on level moves. What no arm carries counts on the table alone. Ties go to the
-    orientation in which most parts are placed with supports, then to the one with the fewest of
-    them, then to the first.
+    product on level moves. What no arm carries counts on the table alone. Ties, to a tenth of the
+    product, go to the orientation in which most parts are placed with supports, then to the one
+    with the fewest of them, then to the first.
     """
     forces = share_equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
@@ -212,7 +212,7 @@ def find_best_bearing(
         brought = list_brought(bearing)
         straight = list_straight(relation, bearing) & brought - {*absent}
         key = (
-            weigh(list_brought(alone)) + weigh(straight),
+            round(weigh(list_brought(alone)) + weigh(straight), 1),
             weigh(brought),
             -len(bearing.held),
         )
