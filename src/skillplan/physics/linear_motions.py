@@ -520,11 +520,16 @@ def choose_opening_m(
     """
     if grasp.kind is GraspKind.SUCTION:
         return 0.0
-    if tool is not None and tool.clearance_m is not None:
-        clearance_m = tool.clearance_m
+    clearance_m = choose_clearance_m(clearance_m, tool)
     if grasp.is_inner:
         return max(grasp.width_m - grasp.inside_m - 2 * clearance_m, 0.0)
     return min(grasp.width_m + 2 * clearance_m, find_opening_m(tool, hand))
+
+
+def choose_clearance_m(clearance_m: float, tool: Tool | None) -> float:
+    """Return the clearance of open jaws on each side of a part: the tool's, if it has one [m]."""
+    own_m = None if tool is None else tool.clearance_m
+    return clearance_m if own_m is None else own_m
 
 
 def describe_too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:

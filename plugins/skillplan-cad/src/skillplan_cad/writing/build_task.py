@@ -169,7 +169,7 @@ def _turn_product(
     build: Callable[[Bearing, str, WrittenTask], WrittenTask],
 ) -> WrittenTask:
     """Return a task that turns the product if it has more of the parts, or else the given one."""
-    later = {n: why for n, why in task.left_out.items() if why.kind in _RETRIED}
+    later = _list_retried(task)
     gone = {*absent, *later}
     bearing = find_bearing(product, relation, task.bearing.up, gone, holding=True)
     turned = add_turns(product, relation, bearing, absent, plan.base, later)
@@ -180,6 +180,11 @@ def _turn_product(
     further = build(turned, task.document["robot"]["model"], task)
     stands = not further.doubt.startswith("turn(")
     return further if stands and _is_better(product, further, task) else task
+
+
+def _list_retried(task: WrittenTask) -> dict[str, LeftOut]:
+    """Return the left-out parts that may be brought in another orientation, with reasons."""
+    return {name: why for name, why in task.left_out.items() if why.kind in _RETRIED}
 
 
 def _is_better(product: Product, task: WrittenTask, best: WrittenTask) -> bool:
@@ -284,7 +289,7 @@ class _TaskBuilder:
         """
         self._absent |= without
         if self._turning and rival is not None:
-            self._later = {n: why for n, why in rival.left_out.items() if why.kind in _RETRIED}
+            self._later = _list_retried(rival)
         while (task := self._write(cuts, trials, watch, rival)) is None:
             trials.granted.clear()
             self._begin(self._bearing)

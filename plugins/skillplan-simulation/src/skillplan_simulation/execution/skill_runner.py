@@ -9,7 +9,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from skillplan.physics.linear_motions import LinearMotion, choose_opening_m, choose_visit_grasp
+from skillplan.physics.linear_motions import (
+    LinearMotion,
+    choose_clearance_m,
+    choose_opening_m,
+    choose_visit_grasp,
+)
 from skillplan.task.motion import Event, Grasp, GraspKind, Point
 from skillplan.task.pose import DOWN, Pose, is_same_direction, plus
 from skillplan.task.scene import WORLD, Scene, Tool
@@ -580,9 +585,7 @@ class SkillRunner(ControlledRobot):
     @property
     def _jaws_s(self) -> float:
         """Time of the jaws across their clearance [s]."""
-        tool = self.tools.tool
-        own_m = None if tool is None else tool.clearance_m
-        clearance_m = self.settings.clearance_m if own_m is None else own_m
+        clearance_m = choose_clearance_m(self.settings.clearance_m, self.tools.tool)
         return clearance_m / JAW_SPEED_M_PER_S
 
     def _driven(self, fetched: LinearMotion) -> tuple[LinearMotion, Vector]:
