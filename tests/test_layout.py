@@ -402,7 +402,6 @@ LEAST_LINES = 120
 # Smaller modules with one importer, and why they are modules of their own.
 SMALL_MODULES = {
     "skillplan.cli.back_end_comparison": "loaded if `compare` has engines or detectors only",
-    "skillplan.collision.links": "engines and detectors read it by the package's face",
     "skillplan.domains.assembly.workholder_schema": "the keys of two sections of the file",
     "skillplan.domains.assembly.alternatives": "the checks of what a file leaves to the search",
     "skillplan.domains.assembly.layout_family": "a subject of its own: random layouts",
@@ -411,11 +410,9 @@ SMALL_MODULES = {
     "skillplan.pipeline.examples": "what comes with skillplan, for `init` and the benchmark",
     "skillplan.pipeline.gymnasium_entry": "named in the registry of Gymnasium",
     "skillplan.robots.panda_hand": "the data of the hand, as arms are data",
-    "skillplan.solvers.learned_model.outcome_table": "a data structure; its importer is the solver",
     "skillplan.views.figures.arm_figure": "one module for each figure",
     "skillplan.views.figures.profile_figure": "one module for each figure",
     "skillplan.views.tables.arm": "loaded if `check` describes a robot or a tool alone",
-    "skillplan.solvers.mdp.tabular_solver": "enumerates; its importer sweeps over the arrays",
     "skillplan_cad.nests.planned_nests": "the orientations of a plan; its importer writes the task",
     "skillplan_cad.nests.task_nest": "the nest of a base; its importer tries it with the arm",
     "skillplan_ortools.watched_search": "the only module that imports OR-Tools",
@@ -425,10 +422,8 @@ SMALL_MODULES = {
     "skillplan_simulation.execution.zone_watch": "geometry; its importer moves the robot",
     "skillplan_ros2.timed_paths": "plans paths; the exporter only writes them",
     "skillplan_swarmitfix.base.goals_task": "one module for each task of a chain",
-    "skillplan_swarmitfix.fleet.account": "belongs to the fleet, which other tasks do without",
     "skillplan_swarmitfix.trajectory.files": "loaded if a task names a file",
     "skillplan_swarmitfix.trajectory.path_chain": "an algorithm; its importer reads entities",
-    "skillplan_swarmitfix.trajectory.placement": "loaded if a task names a file",
 }
 
 

@@ -1,21 +1,14 @@
-"""Which bodies stand by themselves, and which of them must at least be held."""
+"""Which bodies stand by themselves."""
 
 from __future__ import annotations
 
 import math
-from itertools import combinations
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from skillplan.collision import (
     Solid,
-    Touch,
-    Weight,
     decide_standing,
-    find_least_holds,
     find_touches,
     weigh,
 )
@@ -143,42 +136,3 @@ def test_gravity_may_pull_in_any_direction():
     assert decide(turned, up=(0, 0, -1)).how == "falls"
     beside = {"wall": Solid([Box((0.1, 1, 1), (-0.1, 0, 0))], Pose((0, 0, 0)))}
     assert decide({"it": block((0.1, 0.1, 0.1))}, beside, up=(1, 0, 0)).stands
-
-
-@st.composite
-def rows_of_blocks(draw):
-    """Draw blocks on tables and on each other; a few of them hang in the air or over an edge."""
-    count = draw(st.integers(1, 3))
-    solids = {}
-    for number in range(count):
-        on_air, shift = draw(st.booleans()), draw(st.sampled_from([0.0, 0.03, 0.06]))
-        at_m = (0.2 * number, 0.0, 0.05 if on_air else 0.0)
-        solids[f"low{number}"] = block((0.1, 0.1, 0.05), at_m)
-        solids[f"top{number}"] = block((0.1, 0.1, 0.05), (at_m[0] + shift, 0.0, at_m[2] + 0.05))
-    return solids
-
-
-@settings(max_examples=8)
-@given(rows_of_blocks())
-def test_no_smaller_set_of_holds_suffices(solids):
-    """Compared with all sets, one by one."""
-    touches = find_touches({"table": TABLE, **solids})
-    weights = {name: weigh(solid, 1.0) for name, solid in solids.items()}
-    least = find_least_holds(weights, touches)
-    sizes = [
-        size
-        for size in range(len(least.holds) + 1)
-        for held in combinations(weights, size)
-        if decide_standing(weights, touches, held).stands
-    ]
-    assert min(sizes) == len(least.holds)
-    assert decide_standing(weights, touches, least.holds).stands
-
-
-def test_holds_are_sought_among_what_can_be_held():
-    weights = {name: Weight(1.0, (0, 0, height_m), 0.1) for name, height_m in (("a", 0), ("b", 1))}
-    square = np.array([(x, y, 0.5) for x in (-0.1, 0.1) for y in (-0.1, 0.1)])
-    touches = [Touch("b", "a", square, np.tile((0.0, 0.0, 1.0), (4, 1)))]
-    assert find_least_holds(weights, touches).holds == ("a",)
-    assert find_least_holds(weights, touches, among=["b"]) is None
-    assert find_least_holds(weights, touches, among=["a", "b"], joined=[("a", "b")]).holds == ("a",)

@@ -9,9 +9,9 @@ from .commands.warm_up import announce_compilation as announce_compilation
 from .interruption import Deadline as Deadline
 from .interruption import handle_signals as handle_signals
 from .options.values import memory_size as memory_size
+from .output import ResultFolder as ResultFolder
 from .output import exit_code as exit_code
-from .result_output import ResultFolder as ResultFolder
-from .result_output import write_folder as write_folder
+from .output import write_folder as write_folder
 from .waiting import format_progress as format_progress
 from .writing import as_json as as_json
 

@@ -12,20 +12,17 @@ from .hulls import Hull as Hull
 from .hulls import HullDetector as HullDetector
 from .hulls import HullRole as HullRole
 from .hulls import HullScene as HullScene
-from .links import list_links as list_links
 from .precedence import PrecedenceDetector as PrecedenceDetector
 from .solid import TOUCH_M as TOUCH_M
 from .solid import Solid as Solid
 from .solid import measure_union as measure_union
 from .stability import StabilityDetector as StabilityDetector
 from .standing import TILT_DEG as TILT_DEG
-from .standing import LeastHolds as LeastHolds
 from .standing import Standing as Standing
 from .standing import Touch as Touch
 from .standing import Weight as Weight
 from .standing import compute_margin_m as compute_margin_m
 from .standing import decide_standing as decide_standing
-from .standing import find_least_holds as find_least_holds
 from .standing import find_touches as find_touches
 from .standing import weigh as weigh
 from .surface import make_polyhedron as make_polyhedron
@@ -42,7 +39,6 @@ __all__ = [
     "HullDetector",
     "HullRole",
     "HullScene",
-    "LeastHolds",
     "NoPieces",
     "PrecedenceDetector",
     "Solid",
@@ -56,9 +52,7 @@ __all__ = [
     "contact_area",
     "decide_standing",
     "decompose",
-    "find_least_holds",
     "find_touches",
-    "list_links",
     "make_polyhedron",
     "measure_deepest",
     "measure_depths",

@@ -1,4 +1,4 @@
-"""Decide whether bodies stand by themselves, and which of them must at least be held.
+"""Decide whether bodies stand by themselves.
 
 Bodies stand if contact forces balance their weights, also if the ground is tilted a little and
 their centres of mass are a little off the stated places. A linear program decides it. Three
@@ -133,23 +133,6 @@ class Standing:
         return self.moving is None
 
 
-@dataclass(frozen=True, slots=True)
-class LeastHolds:
-    """A least set of bodies to hold.
-
-    Parameters
-    ----------
-    holds
-        Bodies; of bodies that are joined, the heaviest.
-    tried
-        Number of sets that were decided. No smaller set suffices: each is among them, or leaves a
-        group of bodies free that falls even if all others are held.
-    """
-
-    holds: tuple[str, ...]
-    tried: int
-
-
 def decide_standing(
     bodies: Mapping[str, Weight],
     touches: Sequence[Touch],
@@ -182,73 +165,6 @@ def decide_standing(
     """
     scene = _Scene(bodies, touches, joined, up, friction, tilt_deg)
     return scene.decide(scene.find_groups(held))
-
-
-def find_least_holds(
-    bodies: Mapping[str, Weight],
-    touches: Sequence[Touch],
-    among: Collection[str] | None = None,
-    *,
-    joined: Iterable[tuple[str, str]] = (),
-    up: Vector = (0.0, 0.0, 1.0),
-    friction: float = FRICTION,
-    tilt_deg: float = TILT_DEG,
-) -> LeastHolds | None:
-    """Return a least set of bodies that must be held so that all stand; None if none suffices.
-
-    Sets are tried by size. Each one that fails shows bodies that move with any other held: every
-    sufficient set has one of them, so smaller sets without one need not be tried.
-
-    Parameters
-    ----------
-    among
-        Bodies that can be held; None for all.
-    """
-    scene = _Scene(bodies, touches, joined, up, friction, tilt_deg)
-    everything = frozenset(range(len(scene.groups)))
-    candidates = everything if among is None else scene.find_groups(among)
-    cuts = [frozenset({group}) for group in everything if scene.is_cut({group})]
-    failed: set[frozenset[int]] = set()
-    for size in range(len(candidates) + 1):
-        while True:
-            holds = _find_cover(cuts, candidates, size, failed)
-            if holds is None:
-                break
-            moving = scene.find_moving(holds)
-            if not moving:
-                names = sorted(scene.name_heaviest(group) for group in holds)
-                return LeastHolds(tuple(names), len(failed) + 1)
-            failed.add(holds)
-            cuts += [cut for cut in scene.split(moving) if cut not in cuts and scene.is_cut(cut)]
-    return None
-
-
-def _find_cover(
-    cuts: Sequence[frozenset[int]],
-    candidates: frozenset[int],
-    size: int,
-    failed: Collection[frozenset[int]],
-) -> frozenset[int] | None:
-    """Return a set of a size that has a member of each cut and has not failed yet, or None."""
-
-    def extend(chosen: frozenset[int], barred: frozenset[int]) -> frozenset[int] | None:
-        open_cuts = [cut for cut in cuts if not cut & chosen]
-        if not open_cuts:
-            spare = sorted(candidates - chosen - barred)
-            for more in combinations(spare, size - len(chosen)):
-                if chosen | set(more) not in failed:
-                    return chosen | set(more)
-            return None
-        if len(chosen) == size:
-            return None
-        tried: set[int] = set()
-        for member in sorted(min(open_cuts, key=len) & candidates - barred):
-            if (cover := extend(chosen | {member}, barred | tried)) is not None:
-                return cover
-            tried.add(member)
-        return None
-
-    return extend(frozenset(), frozenset())
 
 
 def compute_margin_m(extent_m: float, height_m: float, tilt_deg: float = TILT_DEG) -> float:
@@ -360,35 +276,6 @@ class _Scene:
             if (motion := program.find_motion(*load)) is not None:
                 return self._describe(motion, number > 0)
         return Standing()
-
-    def find_moving(self, held: frozenset[int]) -> frozenset[int]:
-        """Return the groups that a motion under gravity moves; empty if all stand."""
-        program = _Program(self, held, held)
-        for load in self._list_loads():
-            if (motion := program.find_motion(*load)) is not None:
-                return frozenset(motion)
-        return frozenset()
-
-    def is_cut(self, free: Collection[int]) -> bool:
-        """Return whether some groups move even if all others are held.
-
-        The others press on them with their weight all the same, as they may also be loose.
-        """
-        program = _Program(self, frozenset(range(len(self.groups))) - set(free), frozenset())
-        return any(program.find_motion(*load) is not None for load in self._list_loads())
-
-    def split(self, moving: Collection[int]) -> list[frozenset[int]]:
-        """Return groups in sets that do not touch each other, and all of them."""
-        rest, parts = set(moving), []
-        while rest:
-            reached, border = set[int](), {rest.pop()}
-            while border:
-                reached |= border
-                ends = ({a, b} for a, b, _, _ in self.pairs if a is not None and b is not None)
-                border = {n for pair in ends if pair & border for n in pair} & rest
-                rest -= border
-            parts.append(frozenset(reached))
-        return parts if len(parts) == 1 else [*parts, frozenset(moving)]
 
     def _list_loads(self) -> Iterator[tuple[Array, Array]]:
         """Yield upward directions, and offsets of the centres of mass in shares of `SHIFT_M`.

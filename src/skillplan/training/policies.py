@@ -26,8 +26,7 @@ from skillplan.records.stored.policy_file import fingerprint
 from skillplan.records.training.network_policy_file import StoredRule, write_network
 from skillplan.records.training.result import GreedyRollOut, RandomBaseline, Tally
 from skillplan.records.training.run_folder import get_run_path
-from skillplan.solvers.learning.learner import Learned
-from skillplan.solvers.learning.network_choice import NetworkChoice
+from skillplan.solvers.learning.learner import Learned, NetworkChoice
 from skillplan.solvers.learning.network_policy import ActionRule, NetworkPolicy, random_actions
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task

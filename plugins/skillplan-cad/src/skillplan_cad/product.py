@@ -162,12 +162,6 @@ class Product:
                 return number
         raise KeyError(name)
 
-    def identical(self, part: Part) -> tuple[str, ...]:
-        """Return the names of the other parts of the same shape."""
-        return tuple(
-            other.name for other in self.parts if other.shape == part.shape and other is not part
-        )
-
 
 def make_solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
     """Return a closed mesh as a solid in millimetres; empty if the mesh is not closed."""

@@ -123,9 +123,11 @@ from .trajectory.files import read_trajectory as read_trajectory
 from .trajectory.path import TrajectoryFileError as TrajectoryFileError
 from .trajectory.path import TrajectoryPath as TrajectoryPath
 from .trajectory.path_elements import MAX_CHORDS as MAX_CHORDS
+from .trajectory.path_elements import SAME_POINT_M as SAME_POINT_M
 from .trajectory.path_elements import Arc as Arc
 from .trajectory.path_elements import Element as Element
 from .trajectory.path_elements import Line as Line
+from .trajectory.path_elements import Point2 as Point2
 from .trajectory.path_elements import Spline as Spline
 from .trajectory.path_elements import arc_or_line as arc_or_line
 from .trajectory.path_elements import circle_of as circle_of
@@ -135,9 +137,7 @@ from .trajectory.path_elements import measure_m as measure_m
 from .trajectory.path_elements import reversed_element as reversed_element
 from .trajectory.path_elements import sample as sample
 from .trajectory.path_elements import sampling_error_m as sampling_error_m
-from .trajectory.plane_point import SAME_POINT_M as SAME_POINT_M
-from .trajectory.plane_point import Point2 as Point2
-from .trajectory.plane_point import shown as shown
+from .trajectory.path_elements import shown as shown
 from .trajectory.workpiece import CORNER_RAD as CORNER_RAD
 from .trajectory.workpiece import Corner as Corner
 from .trajectory.workpiece import Segment as Segment

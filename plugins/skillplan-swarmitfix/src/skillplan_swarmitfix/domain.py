@@ -18,7 +18,7 @@ from skillplan_swarmitfix.multiagent.multi_agent import (
     cost_of_agents_alone,
 )
 from skillplan_swarmitfix.schema import SwarmitfixConfig
-from skillplan_swarmitfix.trajectory.content import unit_doubt
+from skillplan_swarmitfix.trajectory.schema import unit_doubt
 
 
 def overview(config: SwarmitfixConfig) -> Overview:

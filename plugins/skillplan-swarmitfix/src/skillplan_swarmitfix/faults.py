@@ -14,8 +14,8 @@ from skillplan_swarmitfix.job import Job
 from skillplan_swarmitfix.machine_settings import bench_of, mount_of
 from skillplan_swarmitfix.pkm.reach import Mount
 from skillplan_swarmitfix.schema import SwarmitfixConfig
-from skillplan_swarmitfix.trajectory.content import element_key, elements_of, unit_doubt
 from skillplan_swarmitfix.trajectory.faults import Outline, faults
+from skillplan_swarmitfix.trajectory.schema import element_key, elements_of, unit_doubt
 
 MOST_STATES = 500_000
 """Positions of the bench, over all goals of the base."""

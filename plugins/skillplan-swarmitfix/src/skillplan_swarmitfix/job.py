@@ -59,10 +59,15 @@ from skillplan_swarmitfix.pkm.reach import (
     horizontal_reach_m,
 )
 from skillplan_swarmitfix.schema import PLANNED_REACH_M, SwarmitfixConfig
-from skillplan_swarmitfix.trajectory.content import elements_of
 from skillplan_swarmitfix.trajectory.faults import find_meetings
-from skillplan_swarmitfix.trajectory.path_elements import Line, sample, sampling_error_m
-from skillplan_swarmitfix.trajectory.plane_point import Point2, shown
+from skillplan_swarmitfix.trajectory.path_elements import (
+    Line,
+    Point2,
+    sample,
+    sampling_error_m,
+    shown,
+)
+from skillplan_swarmitfix.trajectory.schema import elements_of
 from skillplan_swarmitfix.trajectory.workpiece import CORNER_RAD, Segment, Workpiece
 
 Plans = Mapping[str, Sequence[str]]

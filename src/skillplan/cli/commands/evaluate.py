@@ -10,7 +10,6 @@ import typer
 
 from skillplan.cli.load import load_file, load_result, make_setup, open_cache
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.fit import Mode, check_options
 from skillplan.cli.options.shared import (
     RESULT_HELP,
     BackEnds,
@@ -22,7 +21,7 @@ from skillplan.cli.options.shared import (
     TimeLimit,
     task_option,
 )
-from skillplan.cli.options.values import count_option, option, positive_number
+from skillplan.cli.options.values import Mode, check_options, count_option, option, positive_number
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup

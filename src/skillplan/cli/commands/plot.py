@@ -12,7 +12,6 @@ import typer
 
 from skillplan.cli.load import load_file, load_result, make_setup, verify_before_showing
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.fit import Mode, check_options, is_given
 from skillplan.cli.options.shared import (
     OUTPUT,
     RESULT_HELP,
@@ -23,7 +22,16 @@ from skillplan.cli.options.shared import (
     Seed,
     solver_option,
 )
-from skillplan.cli.options.values import count_option, one_of, option, parse_options, split_names
+from skillplan.cli.options.values import (
+    Mode,
+    check_options,
+    count_option,
+    is_given,
+    one_of,
+    option,
+    parse_options,
+    split_names,
+)
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint
 from skillplan.views.figures.catalogue import (

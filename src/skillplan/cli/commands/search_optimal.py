@@ -24,7 +24,7 @@ from skillplan.cli.options.values import fraction, option, split_names
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
-    from skillplan.cli.result_output import ResultFolder
+    from skillplan.cli.output import ResultFolder
 
 
 def command(
@@ -202,6 +202,6 @@ def _search_front(
 
 def _held(out: str) -> ResultFolder:
     """Return the folder of the result, locked against other searches."""
-    from skillplan.cli.result_output import ResultFolder
+    from skillplan.cli.output import ResultFolder
 
     return ResultFolder(out)

@@ -298,7 +298,7 @@ def _store(result: SweepResult, output: Output) -> None:
     """Write the document and the table of the starts to the folder, if there is one."""
     if output.out is None:
         return
-    from skillplan.cli.result_output import write_folder
+    from skillplan.cli.output import write_folder
     from skillplan.cli.writing import as_json
     from skillplan.sweep.study_folder import RESULT, STARTS
     from skillplan.views.tables.sweep import tabulate_starts

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.load import load_file, make_setup
-from skillplan.cli.options.fit import Mode, check_options
 from skillplan.cli.options.shared import (
     LIMITS,
     OUTPUT,
@@ -23,7 +22,14 @@ from skillplan.cli.options.shared import (
     Workers,
     solver_option,
 )
-from skillplan.cli.options.values import count_option, option, positive_seconds, whole_number
+from skillplan.cli.options.values import (
+    Mode,
+    check_options,
+    count_option,
+    option,
+    positive_seconds,
+    whole_number,
+)
 
 TRAINING = "Training"
 

@@ -7,20 +7,94 @@ neither write files nor evaluate themselves.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
+from skillplan.env.observation import MaskKind, Observation, check_name, list_allowed_actions
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.learning.network_choice import NetworkChoice, reachable_policy
 from skillplan.solvers.learning.network_policy import GREEDY, ActionRule, NetworkPolicy
-from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
 from skillplan.task.task import Task
+
+# A policy that reaches more states than this is followed no further.
+_MOST_STATES = 20_000
+
+
+class NetworkChoice:
+    """The greedy policy of a network, state by state.
+
+    Parameters
+    ----------
+    network
+        As many inputs as are observed, as many actions as there are skills.
+    model
+        The skill model; it is queried where the mask needs it.
+    observation
+        Observation: ``paper``, ``markov`` or ``layout``.
+    mask
+        Mask of the choice: ``none``, ``applicable`` or ``feasible``.
+
+    Raises
+    ------
+    OptionError
+        If a name is unknown.
+    """
+
+    def __init__(
+        self, network: NetworkPolicy, model: SkillModel, observation: str, mask: str
+    ) -> None:
+        self._network, self._model = network, model
+        self._mask: MaskKind = check_name("mask", mask, MaskKind)
+        self._observation = Observation.of(model.task, observation)
+
+    def __call__(self, state: State) -> Skill:
+        """Return the skill that is taken in a state."""
+        masks = None if self._mask == "none" else self._allowed(state)[None]
+        action = self._network.greedy(self._observation.encode(state)[None], masks)[0]
+        return self._model.task.skills[int(action)]
+
+    def _allowed(self, state: State) -> NDArray[np.bool_]:
+        model, skills = self._model, self._model.task.skills
+        mask = np.zeros(len(skills), dtype=np.bool_)
+
+        def feasible(action: int) -> bool:
+            # All transitions are queried at once, and kept by the model.
+            return any(arrow.skill is skills[action] for arrow in model.transitions(state))
+
+        mask[list(list_allowed_actions(model, state, self._mask, feasible))] = True
+        return mask
+
+
+def reachable_policy(model: SkillModel, choose: Callable[[State], Skill]) -> Policy:
+    """Return a policy in every state that it may reach from the initial one.
+
+    It is followed up to the step limit; a skill that is not feasible is left out.
+    """
+    choices: dict[State, Skill] = {}
+    level = [model.initial]
+    for _ in range(model.step_limit):
+        following: dict[State, None] = {}
+        for state in level:
+            if state in choices or model.is_goal(state) or len(choices) >= _MOST_STATES:
+                continue
+            skill = choose(state)
+            if skill.applicable(state) and model.verdict(state, skill).is_feasible:
+                choices[state] = skill
+                following.update(
+                    (outcome.apply(state), None) for outcome in skill.outcomes_in(state)
+                )
+        level = list(following)
+    return Policy(choices)
+
 
 MODEL_BASED = " with model-based planning"
 """Suffix of the name of a learner that plans its episodes with a learned model."""

@@ -1,7 +1,7 @@
 from .bellman_solver import BellmanSolver as BellmanSolver
+from .bellman_solver import build_rewards as build_rewards
 from .label_setting import compute_costs_to_go as compute_costs_to_go
 from .policy_iteration import PolicyIterationSolver as PolicyIterationSolver
-from .tabular_solver import build_rewards as build_rewards
 from .value_iteration import ValueIterationSolver as ValueIterationSolver
 
 __all__ = [

@@ -26,8 +26,8 @@ from pydantic import Field
 
 from skillplan.model.pooled_model import make_symmetry_key
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.search.arrivals import ArrivalBound
 from skillplan.solvers.search.landmark_bound import (
+    ArrivalBound,
     LandmarkBound,
     convert_from_units,
     convert_to_units,

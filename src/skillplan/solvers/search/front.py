@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.search.arrivals import ArrivalBound
 from skillplan.solvers.search.landmark_bound import (
+    ArrivalBound,
     LandmarkBound,
     convert_from_units,
     convert_to_units,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.pkm.reach import ReachableCentres
-from skillplan_swarmitfix.trajectory.plane_point import Point2, shown
+from skillplan_swarmitfix.trajectory.path_elements import Point2, shown
 
 # Of Eq. 3, relative to the quadrilateral: areas are sums of products, and a centroid on its
 # border must not depend on how they round.

@@ -24,7 +24,7 @@ from skillplan_swarmitfix.heads.heads import (
     normal_yaw,
     same_yaw,
 )
-from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.path_elements import Point2
 from skillplan_swarmitfix.trajectory.workpiece import Segment
 
 _TOUCH_M = 1e-9

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.path_elements import Point2
 from skillplan_swarmitfix.trajectory.workpiece import Segment, VertexKind, Workpiece
 
 THIRD_RAD = math.tau / 3

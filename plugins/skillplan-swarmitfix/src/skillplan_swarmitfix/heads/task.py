@@ -19,7 +19,7 @@ from skillplan.task.task import Metric, Place, Task
 from skillplan_swarmitfix.bench.bench import Timings
 from skillplan_swarmitfix.heads.grid import HeadGrid
 from skillplan_swarmitfix.heads.heads import Head, HeadRules
-from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.path_elements import Point2
 from skillplan_swarmitfix.trajectory.workpiece import Segment
 
 Holdable = Callable[[Point2], bool]

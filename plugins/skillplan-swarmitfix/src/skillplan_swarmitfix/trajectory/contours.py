@@ -19,8 +19,7 @@ from skillplan_swarmitfix.trajectory.path import (
     millimetres,
     one_line,
 )
-from skillplan_swarmitfix.trajectory.path_elements import Arc, Spline, circle_of
-from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Point2, Spline, circle_of
 
 MOST_LISTED = 12
 """So many contours are listed in a message."""

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import NoReturn, Protocol
 
 from skillplan_swarmitfix.trajectory.path import one_line
-from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.path_elements import Point2
 
 _BLANK = re.compile(r"\s")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"

@@ -43,15 +43,13 @@ from skillplan_swarmitfix.trajectory.path_chain import Piece, join_pieces
 from skillplan_swarmitfix.trajectory.path_elements import (
     FLAT_RAD,
     MAX_CHORDS,
-    Element,
-    Line,
-    Spline,
-    arc_or_line,
-)
-from skillplan_swarmitfix.trajectory.plane_point import (
     MOST_READ_M,
     SAME_POINT_M,
+    Element,
+    Line,
     Point2,
+    Spline,
+    arc_or_line,
 )
 from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 from skillplan_swarmitfix.trajectory.workpiece import CORNER_RAD

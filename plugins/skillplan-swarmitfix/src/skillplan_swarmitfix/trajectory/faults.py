@@ -12,17 +12,15 @@ from numpy.typing import NDArray
 
 from skillplan_swarmitfix.trajectory.path_elements import (
     MAX_CHORDS,
+    SAME_POINT_M,
     Element,
     Line,
+    Point2,
     ending_at,
+    on_any_bench,
     points_of,
     refuse_tolerance,
     sample,
-)
-from skillplan_swarmitfix.trajectory.plane_point import (
-    SAME_POINT_M,
-    Point2,
-    on_any_bench,
     shown,
 )
 

@@ -29,11 +29,14 @@ from skillplan_swarmitfix.trajectory.path import (
     millimetres,
     one_line,
 )
-from skillplan_swarmitfix.trajectory.path_elements import Arc, Line, arc_or_line, end_directions
-from skillplan_swarmitfix.trajectory.plane_point import (
+from skillplan_swarmitfix.trajectory.path_elements import (
     MAX_COORDINATE_M,
     SAME_POINT_M,
+    Arc,
+    Line,
     Point2,
+    arc_or_line,
+    end_directions,
 )
 from skillplan_swarmitfix.trajectory.program_lines import CORNER, ProgramLines
 from skillplan_swarmitfix.trajectory.tool_path import Feed, find_contours

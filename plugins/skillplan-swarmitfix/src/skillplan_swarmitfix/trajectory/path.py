@@ -12,12 +12,12 @@ from typing import Self
 
 from skillplan_swarmitfix.trajectory.path_elements import (
     Element,
+    Point2,
     Spline,
     ending_at,
     measure_m,
     points_of,
 )
-from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 JOIN_M = 1e-5
 """Ends of a file's elements as near as this are joined [m]: files hold rounded decimals."""

@@ -17,16 +17,18 @@ from skillplan_swarmitfix.trajectory.path import (
     millimetres,
 )
 from skillplan_swarmitfix.trajectory.path_elements import (
+    SAME_POINT_M,
     Arc,
     Element,
     Line,
+    Point2,
     Spline,
     circle_of,
     end_directions,
     ending_at,
     reversed_element,
+    shown,
 )
-from skillplan_swarmitfix.trajectory.plane_point import SAME_POINT_M, Point2, shown
 
 GAP_M = 1e-4
 """Gaps up to this are shut, if both ends meet nothing else [m]."""

@@ -1,7 +1,8 @@
-"""The YAML schema of a trajectory: vertices, or elements, or a file that holds them."""
+"""The YAML schema of a trajectory, its elements, and the keys of its faults."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -15,10 +16,11 @@ from pydantic import (
 )
 
 from skillplan.domains.domain import Strict
+from skillplan.errors import Issue
 from skillplan.files.schema_errors import Located, continue_sentence, list_schema_issues
 from skillplan_swarmitfix.trajectory.path import TrajectoryPath, one_line
-from skillplan_swarmitfix.trajectory.plane_point import Point2
-from skillplan_swarmitfix.trajectory.units import UnitName
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Element, Line, Point2, Spline
+from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UnitName, is_doubtful
 
 Coordinate = Annotated[float, Field(ge=-1000, le=1000)]
 Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
@@ -141,7 +143,7 @@ class TrajectoryConfig(DrawingConfig):
         others = [key for key in ("vertices_m", "start_m", "path", "closed") if key in data]
         if others:
             raise Located(f"a file is complete; leave {', '.join(others)} out.", "file")
-        from skillplan_swarmitfix.trajectory.placement import content_of
+        from skillplan_swarmitfix.trajectory.files import content_of
 
         folder = Path((info.context or {}).get("folder", Path()))
         read = _trajectory_in(folder, data["file"], drawing)
@@ -206,8 +208,7 @@ def in_file(name: str, place: str, message: str) -> str:
 
 
 def _trajectory_in(folder: Path, name: str, drawing: DrawingConfig) -> TrajectoryPath:
-    from skillplan_swarmitfix.trajectory.files import TrajectoryFileError, read_contours
-    from skillplan_swarmitfix.trajectory.placement import placed
+    from skillplan_swarmitfix.trajectory.files import TrajectoryFileError, placed, read_contours
 
     if not name.strip():
         raise Located(f"must name a DXF, CSV or G-code file, not {name!r}.", "file")
@@ -221,3 +222,60 @@ def _trajectory_in(folder: Path, name: str, drawing: DrawingConfig) -> Trajector
         return on_bench.choose(choice)
     except TrajectoryFileError as error:
         raise Located(in_file(name, error.place, error.message), "file") from None
+
+
+def elements_of(config: TrajectoryConfig) -> tuple[Point2, tuple[Element, ...]]:
+    """Return the start of a trajectory [m] and its elements.
+
+    Raises
+    ------
+    ValueError
+        If an arc or spline is none, such as one whose points coincide.
+    """
+    if config.vertices_m is not None:
+        first, *rest = config.vertices_m
+        return point(first), tuple(Line(point(end)) for end in rest)
+    assert config.start_m is not None
+    assert config.path is not None
+    return point(config.start_m), tuple(_element(entry) for entry in config.path)
+
+
+def _element(entry: PathElementConfig) -> Element:
+    if entry.line_to_m is not None:
+        return Line(point(entry.line_to_m))
+    if entry.arc_to_m is not None and entry.through_m is not None:
+        return Arc(point(entry.arc_to_m), point(entry.through_m))
+    return Spline(tuple(point(value) for value in entry.spline_through_m or ()))
+
+
+def point(values: Sequence[float]) -> Point2:
+    """Return two coordinates as a point."""
+    return values[0], values[1]
+
+
+def element_key(config: TrajectoryConfig, path: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    """Return the key path, under ``trajectory``, of a fault that names an element."""
+    if config.file is not None:
+        return ("file",)
+    if path and path[0] == "chord_tolerance_m":
+        return path
+    if config.vertices_m is not None:
+        # Element i leads to vertex i + 1.
+        if path == ("start",):
+            return ("vertices_m", 0)
+        return ("vertices_m", path[0] + 1) if path and isinstance(path[0], int) else ("vertices_m",)
+    if path == ("start",):
+        return ("start_m",)
+    return ("path", *path)
+
+
+def unit_doubt(config: TrajectoryConfig) -> Issue | None:
+    """Return why the unit that was guessed for a file is hardly meant, by its key; or None."""
+    extent_m = config.guessed_unit_extent_m
+    if config.file is None or extent_m is None or not is_doubtful(extent_m):
+        return None
+    message = (
+        f"Its unit is not given, and read in {DEFAULT_UNIT} it is {extent_m:.3g} m long. Give "
+        "trajectory.unit, such as m or in."
+    )
+    return Issue(in_file(config.file, "", message), ("file",))

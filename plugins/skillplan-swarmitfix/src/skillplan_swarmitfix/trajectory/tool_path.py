@@ -25,11 +25,11 @@ from skillplan_swarmitfix.trajectory.path_chain import PointIndex
 from skillplan_swarmitfix.trajectory.path_elements import (
     Arc,
     Line,
+    Point2,
     circle_of,
     find_point,
     measure_m,
 )
-from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 MOST_LEAD = 0.5
 """Moves outside loops are leads if they are no longer than this share of the loops."""

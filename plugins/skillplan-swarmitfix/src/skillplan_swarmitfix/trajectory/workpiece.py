@@ -21,12 +21,13 @@ from typing import Self
 from skillplan.errors import Issue
 from skillplan_swarmitfix.trajectory.faults import faults, joined
 from skillplan_swarmitfix.trajectory.path_elements import (
+    SAME_POINT_M,
     Element,
+    Point2,
     end_directions,
     measure_m,
     sample,
 )
-from skillplan_swarmitfix.trajectory.plane_point import SAME_POINT_M, Point2
 
 __all__ = [
     "ANGLE_TOLERANCE_RAD",

@@ -23,8 +23,7 @@ from skillplan.solvers.learning.network_policy import ActionRule, NetworkPolicy,
 from skillplan.solvers.learning.observation_counts import ObservationCounts, take_rows
 from skillplan.task.task import Task
 from skillplan_torch.additions import Branching, Plans, count_bonus, imitation_weight, margin_loss
-from skillplan_torch.dqn.network import QNetworks
-from skillplan_torch.dqn.update import ReplayMemory, Rewards, double_q_values, td_loss
+from skillplan_torch.dqn.update import QNetworks, ReplayMemory, Rewards, double_q_values, td_loss
 from skillplan_torch.network_learner import (
     NetworkLearner,
     NetworkOptions,

@@ -39,8 +39,7 @@ from skillplan_torch.network_learner import (
     Width,
 )
 from skillplan_torch.networks import BLOCK, padded
-from skillplan_torch.ppo.network import ActorCritic
-from skillplan_torch.ppo.update import CURVES, ClippedUpdate, Rates, RolloutBuffer
+from skillplan_torch.ppo.update import CURVES, ActorCritic, ClippedUpdate, Rates, RolloutBuffer
 
 
 class PpoOptions(NetworkOptions):

@@ -14,7 +14,7 @@ from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.records.training.relational_file import read_relational
 from skillplan.solvers.learning.family_learner import FamilyLearner, FamilyLesson
-from skillplan.solvers.learning.network_choice import reachable_policy
+from skillplan.solvers.learning.learner import reachable_policy
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.task import back_end
 from skillplan_torch.relational.network import NetworkSize, RelationalNetwork
