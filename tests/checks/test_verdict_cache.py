@@ -10,28 +10,39 @@ import time
 from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pydantic import Field
 
 from example_count import examples
-from expensive_back_ends import ExpensiveEngine
-from situations import assembly, config_content, fake_back_end
+from expensive_back_ends import ExpensiveDetector, ExpensiveEngine
+from situations import (
+    assembly,
+    config_content,
+    crowded_assemblies,
+    fake_back_end,
+    imagined_state,
+    small_assemblies,
+)
 from skillplan.checks import (
     Checked,
     DiskVerdictCache,
     Feasibility,
     VerdictCache,
+    VerdictFolder,
     VerdictRecord,
     compute_verdict_key,
     hash_content,
     read_record,
 )
-from skillplan.collision import AabbDetector
-from skillplan.physics import Engine
+from skillplan.collision import AabbDetector, PrecedenceDetector
+from skillplan.model import SkillModel
+from skillplan.physics import Engine, KinematicEngine
 from skillplan.pipeline import make_model, open_warm_cache, solve
 from skillplan.task import Precedence, Verdict, VerdictStatus
 from skillplan.task import back_end as back_ends
 from skillplan.testing import lid_task, reachable_states, shut_box_task
-from thinned import thinned
+from thinned import slow_case, thinned
 
 TASK = lid_task()
 SKILL = TASK.skills[0]
@@ -462,3 +473,241 @@ def test_one_cache_serves_two_tasks_without_mixing_them_up():
     cache = VerdictCache()
     results = [solve(task, "exact", cache=cache) for task in (shut_box_task(), lid_task())]
     assert ["infeasible", "optimal"] == [result.status for result in results]
+
+
+# All that is kept on disk: what is there, and what clearing it leaves.
+
+
+OTHER = TASK.replace(name="other", chart=())
+
+
+def filled(folder, task=TASK, plugin=ExpensiveEngine, **options):
+    """Keep some verdicts in a folder; return the back end that gave them."""
+    queries = plugin(task, plugin.Options(**options))
+    feasibility = Feasibility(task, [queries], DiskVerdictCache(folder))
+    for state in reachable_states(SkillModel(Feasibility(task)), 20):
+        feasibility.verdicts([(k, state) for k in task.skills if k.applicable(state)])
+    return queries
+
+
+def names_in(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def test_a_survey_finds_every_sound_verdict(tmp_path):
+    """Of whatever task and back end; an empty folder, or none, holds none."""
+    assert VerdictFolder(tmp_path / "nowhere").survey() == ([], [])
+    filled(tmp_path)
+    filled(tmp_path, OTHER, ExpensiveDetector)
+    sound, others = VerdictFolder(tmp_path).survey()
+    assert {(record.record.back_end, record.record.task) for record in sound} == {
+        ("expensive-engine", "lid"),
+        ("expensive-detector", "other"),
+    }
+    assert len(sound) == len([name for name in names_in(tmp_path) if name.endswith(".json")])
+    assert others == []
+    assert all(item.size_bytes == item.path.stat().st_size for item in sound)
+    assert all(entry.modified_s == entry.path.stat().st_mtime for entry in sound)
+
+
+def test_what_a_back_end_would_use_is_what_it_finds(tmp_path):
+    """By its key: not what others said, or the same with another option."""
+    back_end = filled(tmp_path, seed=1)
+    filled(tmp_path, seed=2)
+    filled(tmp_path, OTHER, seed=1)
+    (own,) = VerdictFolder(tmp_path).kept_for([back_end])
+    assert own
+    assert {(entry.record.task, entry.record.options["seed"]) for entry in own} == {("lid", 1)}
+    fresh = ExpensiveEngine(TASK, back_end.options)
+    again = Feasibility(TASK, [fresh], DiskVerdictCache(tmp_path))
+    for item in own:
+        record = item.record
+        again.verdict(TASK.skill(record.skill), TASK.facts.of(*record.state))
+    assert again.executions == 0
+
+
+def litter(folder):
+    """Put files into a folder of verdicts that are not the cache's, and some that are."""
+    key = next(path for path in (folder / "expensive-engine").iterdir())
+    own = [
+        folder / "expensive-engine" / f"{'a' * 64}.json",
+        key / f".{'b' * 64}.json.123.tmp",
+        key / f"{'c' * 64}.json",
+    ]
+    foreign = [
+        folder / "README",
+        folder / "expensive-engine" / "notes.txt",
+        key / "notes.json",
+        folder / "photos" / "holiday.json",
+    ]
+    for path in (*own, *foreign):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("{}")
+    return own, foreign
+
+
+def test_damaged_and_unfinished_files_and_those_of_the_format_before_are_told_apart(tmp_path):
+    """From verdicts, and from what is not the cache's."""
+    filled(tmp_path)
+    own, _ = litter(tmp_path)
+    assert sorted(VerdictFolder(tmp_path).survey()[1]) == sorted(own)
+
+
+def test_clearing_removes_all_that_is_the_caches_own_and_nothing_else(tmp_path):
+    """Neither files nor folders, nor what a link leads to."""
+    filled(tmp_path / "cache")
+    _, foreign = litter(tmp_path / "cache")
+    filled(tmp_path / "cache", plugin=ExpensiveDetector)
+    filled(tmp_path / "elsewhere")
+    (tmp_path / "cache" / "linked").symlink_to(tmp_path / "elsewhere" / "expensive-engine")
+    before = names_in(tmp_path / "elsewhere")
+    count = len([path for path in (tmp_path / "cache").rglob("*") if path.is_file()])
+    assert VerdictFolder(tmp_path / "cache").clear() == count - len(foreign)
+    left = [path for path in (tmp_path / "cache").rglob("*") if path.is_file()]
+    assert sorted(left) == sorted(foreign)
+    assert not (tmp_path / "cache" / "expensive-detector").exists()
+    assert names_in(tmp_path / "elsewhere") == before
+
+
+def test_clearing_a_task_leaves_the_others(tmp_path):
+    """By the name it was kept under."""
+    filled(tmp_path)
+    kept = filled(tmp_path, OTHER)
+    count = len(VerdictFolder(tmp_path).survey()[0])
+    (own,) = VerdictFolder(tmp_path).kept_for([kept])
+    assert VerdictFolder(tmp_path).clear({"lid"}) == count - len(own)
+    assert [record.path for record in VerdictFolder(tmp_path).survey()[0]] == sorted(
+        item.path for item in own
+    )
+
+
+# Invariant: a reused verdict equals a fresh one, in any state, reachable or not.
+
+
+seeds = st.integers(0, 2**32)
+BOARD = assembly(config_content("inverter_board"))
+
+
+def aabb(**options):
+    return lambda task: AabbDetector(task, AabbDetector.Options(**options))
+
+
+def precedence(**options):
+    return lambda task: PrecedenceDetector(task, PrecedenceDetector.Options(**options))
+
+
+BACK_ENDS = {
+    "kinematic": KinematicEngine,
+    "aabb": aabb(),
+    "aabb without supports": aabb(check_support=False),
+    "aabb with tolerance": aabb(tolerance_m=0.004),
+    "precedence": precedence(),
+    "precedence holding back picks": precedence(hold_back_picks=True),
+}
+
+
+def assert_reuse(task, make, rng, pairs):
+    """Assert that a verdict equals a fresh one wherever it applies; return how many did.
+
+    The second state of a pair shares the facts of the first one's verdict and is random else.
+    """
+    queries, reused = make(task), 0
+    for skill in task.skills:
+        for _ in range(pairs):
+            state = imagined_state(task, skill, rng)
+            if state is None:
+                continue
+            verdict = queries.check(skill, state).grounded(state, queries.name)
+            assert verdict.applies_in(state)
+            other = imagined_state(task, skill, rng, verdict.present, verdict.absent)
+            if other is None or not verdict.applies_in(other):
+                continue
+            fresh = make(task).check(skill, other).grounded(other, queries.name)
+            assert verdict == fresh
+            reused += other != state
+    return reused
+
+
+@pytest.mark.parametrize(
+    "back_end",
+    [
+        slow_case(name, reason="three back ends in every run") if " " in name else name
+        for name in BACK_ENDS
+    ],
+)
+@settings(max_examples=examples(100))
+@given(content=crowded_assemblies(), seed=seeds)
+def test_a_reused_verdict_equals_a_fresh_one_in_crowded_assemblies(back_end, content, seed):
+    """Tall, turned and stacked parts, feeders, envelopes, swaps and separate tool changes."""
+    assert_reuse(assembly(content), BACK_ENDS[back_end], random.Random(seed), pairs=5)
+
+
+@pytest.mark.parametrize("back_end", BACK_ENDS)
+@pytest.mark.parametrize(
+    "config",
+    ["inverter_board", slow_case("motor_drive", reason="twelve parts; a board in every run")],
+)
+def test_a_reused_verdict_equals_a_fresh_one_on_the_configs(back_end, config):
+    """Most pairs of states differ, so that reuse is put to the test."""
+    task = assembly(config_content(config))
+    reused = assert_reuse(task, BACK_ENDS[back_end], random.Random(1), pairs=8)
+    assert reused > 4 * len(task.skills)
+
+
+@settings(max_examples=examples(60))
+@given(content=crowded_assemblies(), seed=seeds)
+def test_a_chain_that_remembers_rules_like_one_that_does_not(content, seed):
+    """The whole of it: several back ends, one cache, many random states in turn."""
+    task, rng = assembly(content), random.Random(seed)
+    makers = list(BACK_ENDS.values())
+    makers = [makers[0], makers[1], makers[4]]
+    warm = Feasibility(task, [make(task) for make in makers])
+    for skill in task.skills:
+        for _ in range(10):
+            state = imagined_state(task, skill, rng)
+            if state is not None:
+                cold = Feasibility(task, [make(task) for make in makers])
+                assert warm.verdict(skill, state) == cold.verdict(skill, state)
+
+
+@settings(max_examples=examples(30))
+@given(content=small_assemblies(), seed=seeds)
+def test_what_cannot_say_is_reused_in_the_same_state_only(content, seed):
+    """A verdict without facts never serves another state."""
+    task, rng = assembly(content), random.Random(seed)
+    back_end = fake_back_end(task, Verdict.feasible())
+    feasibility = Feasibility(task, [back_end])
+    seen = set()
+    for skill in task.skills:
+        for _ in range(4):
+            state = imagined_state(task, skill, rng)
+            if state is None:
+                continue
+            for _ in range(2):
+                verdict = feasibility.verdict(skill, state)
+                assert verdict.present == state
+                assert verdict.absent == state.complement()
+            seen.add((skill.name, state))
+            assert len(back_end.asked) == len(seen)
+
+
+@given(st.lists(st.tuples(st.integers(0, 63), st.integers(0, 63)), max_size=12), seeds)
+def test_the_cache_finds_what_a_scan_of_all_kept_verdicts_finds(entries, seed):
+    """However the verdicts' facts overlap."""
+    task = BOARD
+    facts, skill = task.facts, task.skills[0]
+    back_end, cache = fake_back_end(task), VerdictCache()
+    kept = []
+    for i, (present, absent) in enumerate(entries):
+        sets = facts.state(present), facts.state(absent & ~present)
+        # Verdicts of one back end agree where both apply: here on which facts they rest.
+        if any(not (v.present & sets[1]).bits and not (v.absent & sets[0]).bits for v in kept):
+            continue
+        kept.append(Verdict.infeasible(f"reason {i}", *sets))
+        cache.keep(back_end, skill, Checked(kept[-1], 0.0), sets[0])
+    rng = random.Random(seed)
+    for _ in range(20):
+        state = facts.state(rng.randrange(64))
+        expected = next((verdict for verdict in kept if verdict.applies_in(state)), None)
+        assert expected == cache.find(back_end, skill, state)
+        assert cache.find(back_end, task.skills[1], state) is None

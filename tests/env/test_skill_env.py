@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from board_situations import OPTIMAL
-from situations import CONFIGS, fake_back_end, model_of, retry_task, two_roads_task
-from skillplan.env import SkillEnv, SkillVectorEnv
+from board_situations import OPTIMAL, state_after
+from situations import CONFIGS, fake_back_end, graph_of, model_of, retry_task, two_roads_task
+from skillplan.env import Observation, RewardFunction, SkillEnv, SkillVectorEnv
 from skillplan.errors import OptionError
 from skillplan.pipeline import make_model
-from skillplan.task import Verdict
+from skillplan.task import DistanceReward, Task, Verdict
+from swarm_situations import base_task
+from thinned import slow_case
 
 NAME = "skillplan.env:skillplan/Task-v0"
 LOAD_GRIPPER, LOAD_SCREWDRIVER = 12, 13
@@ -248,3 +250,153 @@ def test_it_is_rendered_as_one_line(board_task):
     assert line.startswith("step 2, 0.03800 m; pick(pcb): needs at_start(pcb), hand_free; {held(pc")
     assert "\n" not in line
     assert SkillEnv(make_model(board_task)).render() is None
+
+
+# What an environment pays.
+
+
+def paid(reward_function: RewardFunction, task: Task, **ended: bool) -> float:
+    ends = {"goal": False, "out_of_time": False, **ended}
+    return reward_function.of_step(task.initial, task.skills[0].name, 3.0, **ends)
+
+
+def test_by_default_the_scheme_is_paid_to_the_letter(board_task):
+    reward_function = RewardFunction.of(board_task, "reward")
+    assert board_task.reward is reward_function.scheme
+    assert -0.1 * 3.0 == pytest.approx(paid(reward_function, board_task))
+    assert 10.0 == paid(reward_function, board_task, goal=True)
+    assert -10.0 == paid(reward_function, board_task, out_of_time=True)
+    assert -10.0 == reward_function.infeasible
+
+
+def test_the_objective_cost_pays_minus_every_cost_and_the_ends_beside_it(board_task):
+    reward_function = RewardFunction.of(board_task, "cost")
+    assert -3.0 == paid(reward_function, board_task)
+    assert 10.0 - 3.0 == paid(reward_function, board_task, goal=True)
+    assert -10.0 - 3.0 == paid(reward_function, board_task, out_of_time=True)
+    assert -10.0 == reward_function.infeasible
+
+
+@pytest.mark.parametrize("objective", ["reward", "cost"])
+def test_without_a_scheme_costs_are_paid_and_10_or_minus_10_at_the_end(objective):
+    task = two_roads_task()
+    reward_function = RewardFunction.of(task, objective)
+    assert [-3.0, 7.0, -13.0] == [
+        paid(reward_function, task),
+        paid(reward_function, task, goal=True),
+        paid(reward_function, task, out_of_time=True),
+    ]
+    assert -10.0 == reward_function.infeasible
+
+
+def test_a_scheme_without_a_figure_for_time_takes_that_of_the_infeasible():
+    task = two_roads_task()
+    reward = DistanceReward({task.facts.bit("a"): 1.0}, complete=1.0, infeasible=-4.0)
+    reward_function = RewardFunction.of(task.replace(reward=reward), "cost")
+    assert (-4.0, 1.0, -4.0) == (
+        reward_function.infeasible,
+        reward_function.complete,
+        reward_function.out_of_time,
+    )
+
+
+def test_an_unknown_objective_is_refused_with_the_nearest(board_task):
+    with pytest.raises(OptionError, match=r"Unknown objective 'costs'\. Did you mean 'cost'"):
+        RewardFunction.of(board_task, "costs")
+
+
+# What a learner sees of a state.
+
+
+FIG_5 = [1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0]
+
+
+def observations_of_all_states(task: Task, kind: str) -> list[bytes]:
+    observation = Observation.of(task, kind)
+    return [observation.encode(state).tobytes() for state in graph_of(make_model(task))]
+
+
+class TestPaper:
+    def test_it_is_the_17_bits_of_figure_5(self, board_task):
+        observation = Observation.of(board_task, "paper")
+        encoded = observation.encode(board_task.initial)
+        assert 17 == observation.width == len(observation.features)
+        assert ("at_start(pcb)", "placed(pcb)") == observation.features[:2]
+        assert ("tool(screwdriver)", "not hand_free", "changed_tool") == observation.features[-3:]
+        assert FIG_5 == encoded.tolist()
+        assert np.float32 == encoded.dtype
+
+    def test_the_320_states_of_the_board_look_like_268(self, board_task):
+        seen = observations_of_all_states(board_task, "paper")
+        assert (320, 268) == (len(seen), len(set(seen)))
+
+    def test_of_a_task_that_lists_none_it_is_all_facts(self, lid_task):
+        observation = Observation.of(lid_task.replace(observation=()), "paper")
+        assert lid_task.facts.names == observation.features
+        held = np.flatnonzero(observation.encode(lid_task.initial))
+        assert list(lid_task.initial) == [observation.features[i] for i in held]
+
+
+class TestMarkov:
+    def test_it_adds_where_the_arm_stands(self, board_task):
+        paper, markov = (Observation.of(board_task, kind) for kind in ("paper", "markov"))
+        places = [name for name in board_task.facts.names if name.startswith("at(")]
+        assert (*paper.features, *places) == markov.features
+        state = state_after(board_task, OPTIMAL[:3])
+        (there,) = np.flatnonzero(markov.encode(state)[17:])
+        assert "at(switch_1.start)" == markov.features[17 + there]
+
+    def test_it_tells_all_states_of_the_board_apart(self, board_task):
+        seen = observations_of_all_states(board_task, "markov")
+        assert (320, 320) == (len(seen), len(set(seen)))
+
+    def test_what_is_observed_already_is_not_observed_twice(self, board_task):
+        blind = board_task.replace(observation=())
+        assert blind.facts.names == Observation.of(blind, "markov").features
+
+    def test_where_a_base_walks_to_counts_as_its_place(self):
+        task = base_task(37, 1)
+        assert set(task.places) <= set(Observation.of(task, "markov").features)
+
+
+class TestLayout:
+    def test_it_adds_what_every_skill_would_cost_from_here(self, board_task):
+        markov, layout = (Observation.of(board_task, kind) for kind in ("markov", "layout"))
+        assert (*markov.features, *(f"cost({skill.name})" for skill in board_task.skills)) == (
+            layout.features
+        )
+        for taken in range(len(OPTIMAL)):
+            state = state_after(board_task, OPTIMAL[:taken])
+            encoded = layout.encode(state)
+            assert markov.encode(state).tolist() == encoded[: markov.width].tolist()
+            for skill, cost in zip(board_task.skills, encoded[markov.width :], strict=True):
+                if not skill.name.startswith("load"):
+                    assert np.float32(skill.cost.at(state)) == cost > 0 or not skill.cost.at(state)
+
+    def test_a_cost_that_the_state_does_not_define_is_observed_as_0(self, board_task):
+        """As of loading a tool that is attached: there is no way from its holder to itself."""
+        state, observation = board_task.initial, Observation.of(board_task, "layout")
+        load = board_task.skill("load(gripper)")
+        with pytest.raises(ValueError, match="No route"):
+            load.cost.at(state)
+        assert 0.0 == observation.encode(state)[observation.features.index(f"cost({load.name})")]
+
+
+@pytest.mark.parametrize(
+    "kind", ["paper", "markov", slow_case("layout", reason="two other kinds in every run")]
+)
+def test_every_state_lies_in_the_space(board_task, kind):
+    observation = Observation.of(board_task, kind)
+    assert (observation.width,) == observation.space.shape
+    for state in graph_of(model_of(board_task), feasible_only=False):
+        assert observation.space.contains(observation.encode(state))
+
+
+def test_an_unknown_kind_is_refused_with_the_nearest(board_task):
+    with pytest.raises(OptionError, match=r"Unknown observation 'markow'\. Did you mean 'markov'"):
+        Observation.of(board_task, "markow")
+
+
+def test_something_must_be_observed():
+    with pytest.raises(ValueError, match="at least one feature"):
+        Observation("paper", ())

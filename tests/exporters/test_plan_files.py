@@ -15,7 +15,7 @@ from skillplan.exporters import (
 )
 from skillplan.model import replay
 from skillplan.pipeline import read_given_plan
-from skillplan.testing import hostile_task, solved_lid
+from skillplan.testing import ExporterSuite, hostile_task, solved_lid
 
 CHARTED = ["battery_module", "inverter_ur5e", "relay_rail", "sensor_stack", "motor_drive"]
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="plan">{}</BehaviorTree></root>'
@@ -126,3 +126,22 @@ def test_what_is_too_large_or_no_file_is_not_read(board, tmp_path):
     for name, message in ((path, "larger than"), (tmp_path, "folder"), ("no", "No such file")):
         with pytest.raises(OptionError, match=message):
             read_given_plan(f"@{name}", board.task)
+
+
+# Built-in exporters, held to what every exporter owes its users.
+
+
+class TestCsv(ExporterSuite):
+    exporter = "csv"
+
+
+class TestStructuredText(ExporterSuite):
+    exporter = "st"
+
+
+class TestPddl(ExporterSuite):
+    exporter = "pddl"
+
+
+class TestBehaviourTree(ExporterSuite):
+    exporter = "btcpp"

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from skillplan.files import RefusedFile, open_regular, read_bytes, resolve_within
+from skillplan.errors import OptionError
+from skillplan.files import (
+    FolderLock,
+    GrowingFile,
+    RefusedFile,
+    open_regular,
+    read_bytes,
+    resolve_within,
+)
 
 
 @pytest.fixture
@@ -181,3 +192,86 @@ class TestFolders:
         other.mkdir()
         with pytest.raises(RefusedFile):
             resolve_within(other / "file", folder)
+
+
+# One writer a folder.
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from skillplan.files.folder import FolderLock
+lock = FolderLock(Path(sys.argv[1]), "training")
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_second_writer_is_refused_in_words_until_the_first_lets_go(tmp_path):
+    """And no file is made in the folder."""
+    first = FolderLock(tmp_path, "study")
+    with pytest.raises(OptionError, match="another study is writing there just now"):
+        FolderLock(tmp_path, "study")
+    assert [] == list(tmp_path.iterdir())
+    first.release()
+    FolderLock(tmp_path, "study").release()
+
+
+def test_a_lock_of_a_killed_process_does_not_block(tmp_path):
+    """While it lived it did."""
+    words = [sys.executable, "-c", HOLDER, str(tmp_path)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None
+        assert b"held\n" == holder.stdout.readline()
+        with pytest.raises(OptionError, match="another training"):
+            FolderLock(tmp_path, "training")
+        os.kill(holder.pid, signal.SIGKILL)
+        FolderLock(tmp_path, "training", patience_s=20).release()
+
+
+def test_where_there_are_no_locks_nobody_is_kept_out(tmp_path, monkeypatch):
+    """Neither every system nor every file system has them."""
+
+    def none(descriptor: int, *, blocking: bool) -> bool:
+        raise OSError(38, "Function not implemented")
+
+    monkeypatch.setattr("skillplan.files.folder.lock_descriptor", none)
+    first, second = FolderLock(tmp_path, "study"), FolderLock(tmp_path, "study")
+    first.release()
+    second.release()
+
+
+# Files that grow by whole records.
+
+
+def test_records_are_appended_and_what_was_there_stays(tmp_path):
+    """Each is on its way to the disk at once, without a buffer."""
+    path = tmp_path / "lines"
+    path.write_bytes(b"one\n")
+    file = GrowingFile(path, tmp_path)
+    file.append(b"two\n")
+    assert b"one\ntwo\n" == path.read_bytes()
+    assert 8 == file.length
+    file.close()
+
+
+def test_it_goes_on_where_it_was_cut(tmp_path):
+    """A piece of a record is gone."""
+    file = GrowingFile(tmp_path / "lines", tmp_path)
+    file.append(b"one\ntw")
+    file.cut(4)
+    file.append(b"three\n")
+    file.sync()
+    file.close()
+    assert b"one\nthree\n" == (tmp_path / "lines").read_bytes()
+
+
+def test_a_link_out_of_the_folder_is_neither_cut_nor_appended_to(tmp_path):
+    """Of a folder that somebody else has sent."""
+    (tmp_path / "precious").write_text("precious")
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "lines").symlink_to("../precious")
+    with pytest.raises(OSError, match="a link leads out of the folder"):
+        GrowingFile(folder / "lines", folder)
+    assert "precious" == (tmp_path / "precious").read_text()

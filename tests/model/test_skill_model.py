@@ -1,5 +1,7 @@
 """The lazy model."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 
@@ -14,10 +16,12 @@ from situations import (
     two_roads_task,
 )
 from skillplan.checks import Feasibility
+from skillplan.domains.assembly import AssemblyConfig, ground
 from skillplan.errors import SearchStopped
-from skillplan.model import SkillModel, Transition
-from skillplan.task import Facts, Verdict
-from skillplan.testing import reachable_states
+from skillplan.model import SkillModel, Transition, explain_obstruction
+from skillplan.pipeline import Setup, make_model
+from skillplan.task import Facts, Task, Verdict
+from skillplan.testing import lid_content, lid_task, reachable_states, shut_box_task
 
 
 def test_a_transition_leads_somewhere_at_a_cost():
@@ -115,3 +119,38 @@ def test_the_model_passes_on_what_its_task_says():
     model = model_of(task)
     assert (model.initial, model.step_limit) == (facts.none, 7)
     assert model.is_goal(facts.of("a"))
+
+
+# What is said of a task that cannot be done.
+
+
+def lid_with(**changes: Any) -> Task:
+    content = lid_content()
+    content["parts"] = {**content["parts"], **changes}
+    return ground(AssemblyConfig.model_validate(content), "")
+
+
+def test_the_skill_that_fails_everywhere_is_named_with_its_reason():
+    fuse = {**lid_content()["parts"]["fuse"], "goal_m": [0.57, 0.0]}
+    model = make_model(lid_with(fuse=fuse), Setup(collision=("aabb",), with_chart=False))
+    message = explain_obstruction(model)
+    assert message == (
+        "place(fuse) fails in all 4 states in which it can be tried: "
+        "aabb: fuse has nothing beneath it"
+    )
+
+
+def test_only_what_the_goal_lacks_is_named():
+    message = explain_obstruction(make_model(shut_box_task()))
+    assert message is not None
+    assert message.startswith("place(fuse)")
+    assert "load(" not in message
+
+
+def test_where_every_skill_succeeds_somewhere_none_is_blamed():
+    assert explain_obstruction(make_model(lid_task(), Setup(collision=("aabb",)))) is None
+
+
+def test_a_task_with_too_many_states_is_not_gone_through():
+    model = make_model(shut_box_task(), Setup(collision=("precedence",)))
+    assert explain_obstruction(model, most_states=2) is None

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import re
-from itertools import combinations, islice
+from itertools import combinations, islice, pairwise
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
+from skillplan import solve_problem
 from skillplan.chart import Alternatives, DerivedChart, Relation
-from skillplan.pipeline import load_problem
+from skillplan.pipeline import Setup, load_problem
 from skillplan.task import Body, Box, Pose
 from skillplan.views.figures import (
     COLOURS,
@@ -32,6 +35,7 @@ from skillplan.views.figures import (
     draw_product,
     film_assembly,
     find_hull,
+    list_path_steps,
     list_plan_bars,
     place_number_rows,
     shorten,
@@ -384,3 +388,19 @@ def test_long_names_are_shortened_to_their_room():
     assert "ab" == shorten("ab", 100)
     assert shorten("a very long name of a part", 60).endswith("\N{HORIZONTAL ELLIPSIS}")
     assert "" == shorten("abc", 1)
+
+
+# The path of a plan over the table.
+
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.mark.parametrize("config", ["inverter_board", "battery_module"])
+def test_arrows_are_as_long_as_the_plan_costs(config):
+    """They call at every feeder and holder that the cost counts."""
+    problem = load_problem(CONFIGS / f"{config}.yaml")
+    result = solve_problem(problem, setup=Setup(collision=("precedence",)))
+    steps = list_path_steps(problem.task, [step.skill for step in result.steps])
+    length_m = sum(math.dist(*leg) for step in steps for leg in pairwise(step.stops))
+    assert length_m == pytest.approx(result.cost, rel=1e-9)

@@ -5,10 +5,26 @@ from __future__ import annotations
 import csv
 import io
 import re
+from dataclasses import replace
 
 import pytest
+from rich.cells import cell_len
 
-from skillplan.views import Column, Table, render, render_csv, render_markdown
+from skillplan.physics import Arrival, Performance, PerformedSkill
+from skillplan.records import PlannedTimes, Simulation
+from skillplan.task import Pose, Verdict
+from skillplan.views import (
+    Column,
+    Table,
+    format_evidence,
+    make_printable,
+    render,
+    render_csv,
+    render_markdown,
+    wrap,
+    wrap_note,
+)
+from skillplan.views.tables import tabulate_simulation
 
 AWKWARD = ["a,b", 'say "so"', "two\nlines", "a | b", "[bold]x[/bold]", "`code`", "back\\slash"]
 
@@ -143,3 +159,164 @@ def test_figures_are_whole_while_prose_wraps(columns):
     assert "a_rather_long_name" in text
     assert "1.23456" in text
     assert "because it" in text
+
+
+# Lines end between words, else in lists, else in names, else anywhere.
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "lines"),
+    [
+        ("all fits", 8, ["all fits"]),
+        ("words go over", 9, ["words go", "over"]),
+        ("0,1,2,3,4,5", 6, ["0,1,2,", "3,4,5"]),
+        ("at(home)+hand_free", 10, ["at(home)+", "hand_free"]),
+        ("policy-iteration", 10, ["policy-", "iteration"]),
+        ("see /a/folder/somewhere", 12, ["see /a/", "folder/", "somewhere"]),
+        ("abcdefghij", 4, ["abcd", "efgh", "ij"]),
+        ("two\nlines", 20, ["two", "lines"]),
+    ],
+)
+def test_a_text_is_broken_where_it_reads_best(text, width, lines):
+    """Words whole as long as they fit a line."""
+    assert lines == wrap(text, width)
+
+
+def test_further_lines_hang():
+    assert ["one two", "  three", "  four"] == wrap("one two three four", 7, 2)
+
+
+def test_a_note_hangs_under_its_text():
+    """Behind the label and the blanks that follow it."""
+    assert ["cost   one two", "       three"] == wrap_note("cost   one two three", 15)
+
+
+def test_wide_characters_take_two_columns():
+    assert ["\N{CJK UNIFIED IDEOGRAPH-4E00}" * 2] * 2 == wrap(
+        "\N{CJK UNIFIED IDEOGRAPH-4E00}" * 4, 4
+    )
+
+
+def test_nothing_moves_the_cursor():
+    """A name in a task file cannot colour or overwrite what is printed."""
+    assert r"\x1b[31mred bell\x07\x0d" == make_printable("\x1b[31mred\tbell\x07\r")
+
+
+# Evidence in one line.
+
+
+@pytest.mark.parametrize(
+    ("evidence", "text"),
+    [
+        ({}, ""),
+        (
+            {"force_n": 12.3456, "bodies": ["left finger", "pcb"]},
+            "force_n 12.35, bodies left finger pcb",
+        ),
+        ({"sensed": {"held": True, "jaw_width_m": 0.0}}, "sensed (held yes, jaw_width_m 0)"),
+        ({"moved_mm": {}, "bodies": []}, "moved_mm none, bodies none"),
+        ({"offset_m": [-0.0, 0.25]}, "offset_m 0 0.25"),
+        ({"tool": None, "steps": 1042}, "tool unknown, steps 1042"),
+    ],
+)
+def test_it_reads_well(evidence, text):
+    """Figures of four digits, lists with blanks, what belongs to one thing in brackets."""
+    assert text == format_evidence(evidence)
+
+
+# A simulated plan as tables: where bodies ended, how skills went, and that it all fits.
+
+
+FIGURES = {
+    "sensed": {"held": "transformer", "jaw_width_m": 0.0441},
+    "moved_mm": {"switch_1": 1.25, "switch_2": 0.5},
+    "pose_m": [0.476, -0.05599, 0.0061],
+}
+
+
+@pytest.fixture
+def simulation(board_task):
+    """Three skills of the board, of which the last fails."""
+    skills = board_task.parse_sequence("0,1,2")
+    none = board_task.facts.none
+    done = [
+        PerformedSkill(skill.name, Verdict.feasible(none, none, FIGURES), 2.0 * i, 2.0 * i + 2)
+        for i, skill in enumerate(skills[:2])
+    ]
+    reason = "the jaws closed on nothing, at the place where switch_1 was to be"
+    jammed = Verdict.infeasible(reason, none, none, FIGURES)
+    done.append(PerformedSkill(skills[2].name, jammed, 4.0, 6.0))
+    pose = Pose.upright((0.489, 0.0, 0.0), 0.0)
+    arrivals = (Arrival("pcb", pose, pose, 0.00012, 0.001),)
+    measured = {"largest_n": 1.5}
+    performance = Performance(tuple(done), arrivals, 6.0, 1440, measured, taken_away=("brace",))
+    return Simulation(
+        board_task, skills, "pybullet", performance, 1.2, files={"video": "/tmp/plan.mp4"}
+    )
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_no_line_is_wider_than_the_output(simulation, monkeypatch, width):
+    """Though every skill comes with all that was measured."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    text = render(tabulate_simulation(simulation), "table", io.StringIO())
+    assert max(map(cell_len, text.splitlines())) <= width
+
+
+def test_the_failure_is_told_with_its_step(simulation):
+    notes = tabulate_simulation(simulation)[-1].notes
+    assert [
+        "failure    at step 3 (pick(switch_1)): the jaws closed on nothing, at the place where "
+        "switch_1 was to be"
+    ] == [note for note in notes if note.startswith("failure")]
+    assert "taken away brace" in notes
+
+
+def test_arrivals_have_a_table_of_their_own(simulation):
+    """Before that of the skills, which CSV holds."""
+    first, last = tabulate_simulation(simulation)
+    assert [("pcb", "0.120", "0.057", "0.4890 0.0000 0.0000")] == list(first.rows)
+    assert 3 == len(last.rows)
+
+
+def timed(simulation: Simulation, timed_by: str, *acting_s: float | None) -> Simulation:
+    """Return the simulation with planned times, and times that the hand acts."""
+    done = [
+        replace(skill, acting_s=taken_s)
+        for skill, taken_s in zip(simulation.performance.skills, acting_s, strict=False)
+    ]
+    done += simulation.performance.skills[len(done) :]
+    created = replace(simulation.performance, skills=tuple(done), pace="strokes at 0.25 m/s")
+    return replace(simulation, performance=created, planned=PlannedTimes([1.5, 1.0, 9.0], timed_by))
+
+
+def times_note(simulation: Simulation) -> str:
+    (note,) = (n for n in tabulate_simulation(simulation)[-1].notes if n.startswith("times"))
+    return note
+
+
+def test_the_difference_from_the_planned_time_is_told_with_its_reasons(simulation):
+    """Over the skills that succeeded, whose dwells are 3 s each; shares add up."""
+    created = timed(simulation, "swept", 3.0, 3.5)
+    assert times_note(created) == (
+        "times      4.0 s simulated, 2.5 s planned by swept: +1.5 s; +0.5 s acting beyond the "
+        "dwells; +1.0 s travels and strokes (strokes at 0.25 m/s)"
+    )
+    times = created.document()["times"]
+    shares = (times["settling_s"], times["acting_s"], times["moving_s"])
+    assert sum(shares) == pytest.approx(times["difference_s"])
+    planned = [column.heading for column in tabulate_simulation(created)[-1].columns]
+    assert "planned [s]" in planned
+
+
+def test_without_trajectories_the_note_says_that_strokes_are_left_out(simulation):
+    """Travel is by the task's speed then."""
+    note = times_note(timed(simulation, "", 3.0, 3.0))
+    assert "planned by the task's travel speed" in note
+    assert "planned without strokes" in note
+
+
+def test_an_engine_that_measures_no_acting_is_said_to(simulation):
+    """The sum is told all the same."""
+    note = times_note(timed(simulation, "swept", None, None))
+    assert note.endswith("2.5 s planned by swept: +1.5 s; the engine measures no more")
