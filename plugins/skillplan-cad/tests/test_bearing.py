@@ -89,6 +89,17 @@ def test_no_support_holds_what_only_a_left_out_part_connects_to_the_rest(up):
     assert set(whole.order) == {"foot", "body", "lid", "cap", "knob"}
 
 
+def test_the_product_stands_on_its_next_part_if_the_lowest_one_is_left_out():
+    """The rivet has a head on both sides of the plate, so neither comes without the other."""
+    rivet = box(2, 2, -4, 12, 12, 0) + box(5, 5, 0, 9, 9, 10) + box(2, 2, 10, 12, 12, 14)
+    plate = PLATE - box(5, 5, 0, 9, 9, 10)
+    product = product_of(rivet=rivet, plate=plate, sleeve=SLEEVE, ram=RAM)
+    bearing = find_bearing(product, related(product), UP, holding=True)
+    assert bearing.order == ("plate", "sleeve", "ram")
+    assert bearing.held == ("ram",)
+    assert bearing.why_not["rivet"].kind == "closed in"
+
+
 def test_what_stands_by_itself_is_not_held():
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     assert find_bearing(product, related(product), UP, holding=True).held == ()

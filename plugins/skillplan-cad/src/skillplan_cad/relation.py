@@ -291,7 +291,7 @@ class Relation:
             )
         object.__setattr__(self, "_numbers", numbers)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the parts, in order."""
         return tuple(part.name for part in self.parts)

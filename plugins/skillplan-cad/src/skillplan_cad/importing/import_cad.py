@@ -38,7 +38,7 @@ from skillplan_cad.relation_file import build_relation_document, format_relation
 # Largest number of fits printed one by one.
 _NAMED = 4
 # Shares of the time limit after which stages stop; the rest is for the pictures.
-_CONFIRMING_SHARE, _PLANNING_SHARE, _WRITING_SHARE = 0.4, 0.6, 0.85
+_CONFIRMING_SHARE, _PLANNING_SHARE, _WRITING_SHARE = 0.15, 0.4, 0.85
 
 
 def build_report(

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
+from heapq import heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +98,6 @@ def find_bearing(
     relation: Relation,
     up: Vector,
     absent: Collection[str] = (),
-    equilibrium: Equilibrium | None = None,
     *,
     holding: bool = False,
     firm: Collection[str] = (),
@@ -112,8 +112,6 @@ def find_bearing(
     ----------
     absent
         Names of parts that are not there.
-    equilibrium
-        Contact forces of the product, which orientations share.
     holding
         True if parts that do not stay may be held by supports of their own.
     firm
@@ -121,12 +119,27 @@ def find_bearing(
     earlier
         Vectors that pointed up before that turn.
     """
-    forces = equilibrium or share_equilibrium(product, relation)
+    sets, ups = (frozenset(absent), frozenset(firm)), tuple(earlier)
+    return _find_bearing(product, relation, up, *sets, ups, holding=holding)
+
+
+@lru_cache(maxsize=64)
+def _find_bearing(
+    product: Product,
+    relation: Relation,
+    up: Vector,
+    absent: frozenset[str],
+    firm: frozenset[str],
+    earlier: tuple[Vector, ...],
+    *,
+    holding: bool,
+) -> Bearing:
+    forces = _share_equilibrium(product, relation)
     return _Standing(product, relation, up, forces, absent, holding, firm, earlier).best()
 
 
 @lru_cache(maxsize=4)
-def share_equilibrium(product: Product, relation: Relation) -> Equilibrium:
+def _share_equilibrium(product: Product, relation: Relation) -> Equilibrium:
     """Return the contact forces of a product; writing asks for them again for each part less."""
     return Equilibrium(product, relation)
 
@@ -187,7 +200,6 @@ def find_best_bearing(
     product, go to the orientation in which most parts are placed with supports, then to the one
     with the fewest of them, then to the first.
     """
-    forces = share_equilibrium(product, relation)
     masses = {part.name: part.mass_kg for part in product}
     driven = relation.driven - set(absent)
     best: Bearing | None = None
@@ -207,8 +219,8 @@ def find_best_bearing(
         return placed | (driven - bearing.undriven.keys())
 
     for up in ATTITUDES.values():
-        bearing = find_bearing(product, relation, up, absent, forces, holding=holding)
-        alone = find_bearing(product, relation, up, absent, forces) if bearing.held else bearing
+        bearing = find_bearing(product, relation, up, absent, holding=holding)
+        alone = find_bearing(product, relation, up, absent) if bearing.held else bearing
         brought = list_brought(bearing)
         straight = list_straight(relation, bearing) & brought - {*absent}
         key = (
@@ -353,7 +365,7 @@ class _Standing:
         if self._firm:
             near = {name for name in self._parts if self._touched[name] or name in self._firm}
             return self._order(self._support(near, -np.inf, undriven), -np.inf, undriven)
-        best = self._order({}, 0.0, undriven)
+        best = self._order([], 0.0, undriven)
         while present and len(present) > len(best.order):
             ground = min(self._lowest[name] for name in present)
             borne = self._find_supported(present, ground)
@@ -365,7 +377,7 @@ class _Standing:
                     best = bearing
             present = {name for name in present if self._lowest[name] > ground + _TOUCH_M}
         if self._holding and (best.why_not or self._turning):
-            ground = self._find_ground(undriven)
+            ground = self._find_ground(self._parts, undriven)
             # What touches nothing may be a mistake, and is told.
             near = {name for name in self._parts if self._touched[name]}
             borne = self._support(near, ground, undriven)
@@ -374,9 +386,9 @@ class _Standing:
                 return bearing
         return best
 
-    def _find_ground(self, undriven: Collection[str]) -> float:
+    def _find_ground(self, present: Collection[str], lost: Collection[str]) -> float:
         """Return the lowest height, without what left-out parts cut off from the largest group."""
-        groups = self._list_groups(self._parts, undriven)
+        groups = self._list_groups(present, lost)
         weights = [
             (len(group), sum(self._parts[name].mass_kg for name in group)) for group, _ in groups
         ]
@@ -427,9 +439,7 @@ class _Standing:
             left = [name for name in left if name not in reached]
         return groups
 
-    def _support(
-        self, present: set[str], ground: float, lost: Collection[str]
-    ) -> dict[str, tuple[str, ...]]:
+    def _support(self, present: set[str], ground: float, lost: Collection[str]) -> list[str]:
         """Return the supported parts, each after its supports; hold parts that do not stay.
 
         The part that lets most others stand is held next, the heaviest of several. Then each hold
@@ -450,22 +460,18 @@ class _Standing:
             masses = {n: self._parts[n].mass_kg for n in present if n not in borne}
             near = [n for n in masses if any(self._touches(n, other) for other in borne)]
             tried = sorted(near or masses, key=lambda n: (-masses[n], n))[:_MOST_HELD]
-            stand: dict[str, dict[str, tuple[str, ...]]] = {}
+            counts: dict[str, int] = {}
             for name in tried:
                 self._held.add(name)
-                stand[name] = self._find_supported(present, ground)
+                counts[name] = len(self._find_supported(present, ground, borne))
                 self._held.discard(name)
-            name = max(tried, key=lambda n: len(stand[n]))
-            self._held.add(name)
-            borne = stand[name]
+            self._held.add(max(tried, key=counts.__getitem__))
+            borne = self._find_supported(present, ground, borne)
         for name in sorted(self._held - self._turning, key=self._numbers.__getitem__):
             self._held.discard(name)
-            fewer = self._find_supported(present, ground)
-            if len(fewer) == len(present):
-                borne = fewer
-            else:
+            if len(self._find_supported(present, ground)) < len(present):
                 self._held.add(name)
-        return borne
+        return self._find_supported(present, ground)
 
     def _touches(self, name: str, other: str) -> bool:
         return bool(self._touched[name] >> self._numbers[other] & 1)
@@ -513,23 +519,36 @@ class _Standing:
         return fastener.axis
 
     def _find_supported(
-        self, present: Collection[str], ground: float
-    ) -> dict[str, tuple[str, ...]]:
-        """Return the supported parts, each after its supports."""
-        supports_of: dict[str, tuple[str, ...]] = {
-            name: () for name in self._parts if name in self._firm
+        self, present: Collection[str], ground: float, borne: Collection[str] = ()
+    ) -> list[str]:
+        """Return the supported parts, each after its supports, early parts of the product first.
+
+        Parameters
+        ----------
+        borne
+            Parts that are supported for sure, in such an order; they come first.
+        """
+        supported = list(borne or (name for name in self._parts if name in self._firm))
+        standing = self._firm_bits | encode_set([self._numbers[name] for name in supported])
+        waiting = {self._numbers[n] for n in present if n in self._parts} - {
+            self._numbers[n] for n in supported
         }
-        waiting = [name for name in self._parts if name in present and name not in supports_of]
-        standing = self._firm_bits
-        while True:
-            for name in waiting:
-                if self._stays(name, standing, ground):
-                    supports_of[name] = self._list_bearers(name, supports_of)
-                    standing |= 1 << self._numbers[name]
-                    waiting.remove(name)
-                    break
-            else:
-                return supports_of
+        queue = sorted(waiting)
+        queued = {*queue}
+        while queue:
+            number = heappop(queue)
+            queued.discard(number)
+            name = self._relation.names[number]
+            if self._stays(name, standing, ground):
+                supported.append(name)
+                standing |= 1 << number
+                waiting.discard(number)
+                # No other part can have a support that it lacked before.
+                for other in list_members(self._touched[name]):
+                    if other in waiting and other not in queued:
+                        heappush(queue, other)
+                        queued.add(other)
+        return supported
 
     def _stays(self, name: str, standing: int, ground: float) -> bool:
         """Return whether a support, the table or parts that stand keep a part in place."""
@@ -570,10 +589,10 @@ class _Standing:
         return tuple(bearers)
 
     def _order(
-        self, borne: Mapping[str, tuple[str, ...]], ground: float, undriven: Mapping[str, LeftOut]
+        self, borne: Collection[str], ground: float, undriven: Mapping[str, LeftOut]
     ) -> Bearing:
         """Return an order of the supported parts, except parts that spoil every order."""
-        kept, reasons = dict(borne), dict(undriven)
+        kept, reasons = list(borne), dict(undriven)
         while True:
             self._drop_loose(kept, reasons)
             self._earlier = self._rank(kept)
@@ -585,8 +604,10 @@ class _Standing:
                 break
             name = self._choose_withdrawn(left, ground)
             reasons[name] = self._explain_closed_in(name, left | self._firm_bits)
-            kept.pop(name, None)
             there = {other for other in kept if other not in reasons}
+            if self._holding and there and not self._firm:
+                # Without its lowest part the product stands on the next one.
+                ground = self._find_ground(there, reasons)
             kept = self._support(there, ground, reasons)
         order = [name for name in reversed(removed) if name in kept]
         standing: dict[str, tuple[str, ...]] = {
@@ -609,7 +630,7 @@ class _Standing:
             before |= 1 << self._numbers[name]
         return earlier
 
-    def _drop_loose(self, kept: Mapping[str, object], reasons: dict[str, LeftOut]) -> None:
+    def _drop_loose(self, kept: Collection[str], reasons: dict[str, LeftOut]) -> None:
         """Leave out the screws and nuts that join a part that is left out."""
         there = set(kept) | (self._driven - reasons.keys()) | self._firm
         changed = True

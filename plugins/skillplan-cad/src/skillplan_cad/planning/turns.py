@@ -17,9 +17,7 @@ from skillplan_cad.planning.bearing import (
     find_bearing,
     hold_mates,
     list_required,
-    share_equilibrium,
 )
-from skillplan_cad.planning.equilibrium import Equilibrium
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
@@ -53,7 +51,7 @@ def add_turns(
     early
         Parts that do not wait for a turn to save a support.
     """
-    forces, reasons = share_equilibrium(product, relation), dict(later or {})
+    reasons = dict(later or {})
     reasons |= {**bearing.why_not, **bearing.undriven}
     count = len([part for part in product if part.name not in absent])
     chosen = _choose_base(product, bearing, base)
@@ -63,8 +61,8 @@ def add_turns(
 
     def turn(deferred: Collection[str]) -> Bearing:
         gone = {*absent, *deferred}
-        start = _begin(product, relation, bearing.up, gone, chosen, reasons, forces)
-        return _add_turns(product, relation, start, absent, chosen, forces)
+        start = _begin(product, relation, bearing.up, gone, chosen, reasons)
+        return _add_turns(product, relation, start, absent, chosen)
 
     best = turn(deferred := set(later or {}))
     if len(best.ups) == 1:
@@ -86,7 +84,6 @@ def _begin(
     gone: Collection[str],
     base: str,
     reasons: Mapping[str, LeftOut],
-    forces: Equilibrium,
 ) -> Bearing:
     """Return a bearing in the air, where the workholder holds the base and no table bears others.
 
@@ -97,7 +94,7 @@ def _begin(
     reasons
         Reasons for some of them.
     """
-    start = find_bearing(product, relation, up, gone, forces, holding=True, firm=[base])
+    start = find_bearing(product, relation, up, gone, holding=True, firm=[base])
     left = {**{name: why for name, why in reasons.items() if name in gone}, **start.undriven}
     return Bearing(
         up,
@@ -121,7 +118,6 @@ def _add_turns(
     bearing: Bearing,
     absent: Collection[str],
     base: str | None,
-    forces: Equilibrium,
 ) -> Bearing:
     count = len([part for part in product if part.name not in absent])
     while len(bearing.ups) <= _MOST_TURNS:
@@ -132,7 +128,7 @@ def _add_turns(
             further
             for up in ATTITUDES.values()
             if up not in bearing.ups
-            and (further := _turn(product, relation, bearing, held, up, absent, forces)) is not None
+            and (further := _turn(product, relation, bearing, held, up, absent)) is not None
         ]
         if not bearings:
             break
@@ -165,14 +161,13 @@ def _turn(
     held: tuple[str, ...],
     up: Vector,
     absent: Collection[str],
-    forces: Equilibrium,
 ) -> Bearing | None:
     """Return a bearing with a further turn, or None if it brings in nothing."""
     placed = list_placed(relation, bearing, absent)
     if not held or not placed:
         return None
     more = find_bearing(
-        product, relation, up, absent, forces, holding=True, firm=placed, earlier=bearing.ups
+        product, relation, up, absent, holding=True, firm=placed, earlier=bearing.ups
     )
     driven = hold_mates(relation, *bearing.ups, up).driven - {*absent, *more.undriven, *placed}
     turned = dict.fromkeys((*more.order, *sorted(driven, key=relation.index)), up)

@@ -133,7 +133,7 @@ def build_task(
     enough = _ENOUGH * _weigh(product, _list_promised(relation, first))
     promised_by = [
         (other, _list_promised(relation, other, best))
-        for other in (others if most < enough else ())
+        for other in (others if most < enough and not watch.must_stop() else ())
         if other.up != first.up
     ]
     promised_by.sort(
