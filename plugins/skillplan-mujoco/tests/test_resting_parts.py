@@ -105,3 +105,53 @@ def test_a_part_of_many_pieces_stands_on_few_points_and_keeps_its_hollows():
     assert len(touches) <= 8
     assert math.dist(world.pose("ring").position, (0.5, 0.2, 0.0)) < 5e-5
     assert not world.is_near("ring", "post", 0.0149)
+
+
+def test_a_light_part_settles_on_many_pieces_and_bears_its_weight_once():
+    """A spacer of 1 g, tilted by 2 degrees, falls 0.5 mm on a plate of 64 tiles."""
+    tiles = [
+        {"size_m": [0.01, 0.01, 0.002], "centre_m": [x / 100, y / 100, 0.001]}
+        for x in range(-4, 4)
+        for y in range(-4, 4)
+    ]
+    sides = [
+        {"size_m": size, "centre_m": [x, y, 0.006]}
+        for x, y, size in (
+            (-0.002, 0.0, [0.001, 0.005, 0.012]),
+            (0.002, 0.0, [0.001, 0.005, 0.012]),
+            (0.0, -0.002, [0.003, 0.001, 0.012]),
+            (0.0, 0.002, [0.003, 0.001, 0.012]),
+        )
+    ]
+    parts = {
+        "plate": {"boxes": tiles, "mass_kg": 0.05, "start_m": [0.3, 0.2], "goal_m": [0.5, 0.2]},
+        "spacer": {
+            "boxes": sides,
+            "mass_kg": 0.001,
+            "start_m": [0.3, -0.2],
+            "goal_m": [0.5, 0.2, 0.002],
+            "goal_on": ["plate"],
+            "grasp": {"at_m": [0.002, 0]},
+        },
+    }
+    task = assembly(
+        {
+            "kind": "assembly",
+            "name": "spacer",
+            "robot": {"home_m": [0.307, 0.0], "safe_height_m": 0.15},
+            "tools": {"gripper": {"holder_m": [0.6, -0.3]}},
+            "initial_tool": "gripper",
+            "parts": {name: {"tool": "gripper", **part} for name, part in parts.items()},
+        }
+    )
+    world = placed(task, "plate", "spacer")
+    turned = math.radians(2) / 2
+    world.put("spacer", Pose((0.5, 0.2, 0.0025), (0.0, math.sin(turned), 0.0, math.cos(turned))))
+    advance(world, 0.5)
+    for _ in range(8):
+        here = world.pose("spacer")
+        assert math.dist(here.position, (0.5, 0.2, 0.002)) < 2e-4
+        assert abs(here.orientation[3]) > math.cos(math.radians(0.05))
+        advance(world, 0.1)
+    lift_n = sum(touch.force_n[2] for touch in world.points_on("spacer"))
+    assert lift_n == pytest.approx(0.001 * 9.81, rel=0.02)

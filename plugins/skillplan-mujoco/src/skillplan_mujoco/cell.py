@@ -36,6 +36,11 @@ _CHANGED = (
 # over mass: jaws of 27 N would sink 14 mm into a gram.
 _STIFF_KG = 0.05
 
+# Change of the solver's cost at which it ends, a mass times squared acceleration [kg m2/s4]. MuJoCo
+# compares with its tolerance times the mean inertia of a model and its degrees of freedom: with an
+# arm in it, parts of grams and plates on hundreds of contacts got the wrong forces, and jumped.
+_SOLVED_KG_M2_PER_S4 = 1e-12
+
 
 class Cell:
     """A compiled model and the names of its bodies.
@@ -50,6 +55,7 @@ class Cell:
 
     def __init__(self, model: Any, hands: Sequence[Hand], friction: float) -> None:
         self.model, self.hands, self.friction = model, tuple(hands), friction
+        model.opt.tolerance = _SOLVED_KG_M2_PER_S4 / (model.stat.meaninertia * model.nv)
         self._data = mujoco.MjData(model)
         self._coordinates: dict[str, tuple[slice, slice]] = {}
         self._weights = np.array(model.body_invweight0)

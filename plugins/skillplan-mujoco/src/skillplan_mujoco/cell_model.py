@@ -26,7 +26,6 @@ from skillplan_simulation.simulator import (
     FINGERS,
     GRAVITY_M_PER_S2,
     HAND,
-    LEAST_INERTIA_KG_M2,
     ROBOT,
     STEPS_PER_S,
     TABLE,
@@ -347,7 +346,7 @@ def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
         return
     part = spec.worldbody.add_body(name=body.name, pos=get_parking_position(number))
     part.add_freejoint()
-    properties = compute_mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
+    properties = compute_mass_properties(body)
     part.explicitinertial = True
     part.mass, part.ipos = body.mass_kg, properties.centre
     part.inertia = properties.inertia_kg_m2

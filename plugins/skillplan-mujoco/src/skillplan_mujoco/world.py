@@ -467,7 +467,8 @@ class World(simulator.World):
 
     def _read_touches(self) -> list[Touch]:
         data, resting = self.data, self._resting
-        if not data.ncon:
+        # MuJoCo keeps the last contacts when all bodies sleep.
+        if not (data.ncon and data.ntree_awake):
             return list(resting)
         contacts, force_n = data.contact, np.array(data.efc_force)
         rows: Vector = contacts.efc_address

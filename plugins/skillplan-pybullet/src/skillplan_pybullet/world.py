@@ -23,7 +23,6 @@ from skillplan_simulation.simulator import (
     CARRIER_KG,
     CARRIER_KG_M2,
     GRAVITY_M_PER_S2,
-    LEAST_INERTIA_KG_M2,
     ROBOT,
     STEP_S,
     TABLE,
@@ -32,6 +31,9 @@ from skillplan_simulation.simulator import (
 )
 
 _TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybullet.GEOM_MESH}
+# Minimum moment of inertia of a part: below it, parts between two jaws oscillate at 240 steps a
+# second until they fall out.
+_LEAST_INERTIA_KG_M2 = 2e-5
 # Maximum number of shapes of a body; with more, pybullet writes out of bounds and crashes.
 _MOST_SHAPES = 16
 _SIDES = 64
@@ -360,7 +362,7 @@ class World(simulator.World):
 
         A fixed body that is not convex has its exact shape; moving ones consist of convex pieces.
         """
-        properties = compute_mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
+        properties = compute_mass_properties(body).at_least(_LEAST_INERTIA_KG_M2)
         is_fixed = body.fixed or (stands and bool(body.surfaces))
         number = make_body(
             self.client,

@@ -35,9 +35,6 @@ JAW_SPEED_M_PER_S = 0.05
 _HEAVY_KG = 1.0
 # Force that holds jaws open [N].
 _OPENING_FORCE_N = 40.0
-# Minimum moment of inertia of a part: below it, parts between two jaws oscillate at 240 steps a
-# second until they fall out.
-LEAST_INERTIA_KG_M2 = 2e-5
 # Names with a space, which no part of a task can have.
 TABLE = "work table"
 ROBOT = "robot arm"
