@@ -361,6 +361,32 @@ def test_pieces_of_a_fit_leave_its_clearance_and_the_task_says_which(pinned):
         assert min(piece.min_gap(at, 1.0) for piece in pieces) > 0.8 * 0.1 - 0.015
 
 
+def test_pieces_leave_a_cavity_that_is_not_round_to_the_part_that_goes_in(tmp_path):
+    """A part with 0.1 mm of play would jam where they take more than a fifth of it."""
+    oval = manifold3d.CrossSection.circle(1, 40).scale((14, 9))
+    plug = oval.extrude(20).translate((0, 0, 5))
+    block = manifold3d.Manifold.cube((70, 50, 15), True).translate((0, 0, 7.5)) - plug
+    for x_mm, y_mm in ((-25, -15), (-25, 15), (25, -15), (25, 15)):
+        hole = manifold3d.Manifold.cylinder(20, 3, 3, 24)
+        block -= hole.translate((x_mm, y_mm, -1))
+    (tmp_path / "parts").mkdir()
+    for name, solid in {"block": block, "plug": plug}.items():
+        mesh = solid.to_mesh()
+        trimesh.Trimesh(mesh.vert_properties, mesh.tri_verts).export(tmp_path / f"parts/{name}.stl")
+    out = tmp_path / "out"
+    words = ["import-cad", str(tmp_path / "parts"), "--unit", "mm", "--no-nests", "--out", str(out)]
+    assert run([*words, "--no-cache"]) == 0
+    parts = yaml.safe_load((out / "product.yaml").read_text())["parts"]
+    assert parts["plug"]["fits"]["block"]["outside_m"] <= 2e-5
+    shift_mm = 1e3 * (np.array(parts["plug"]["goal_m"]) - np.array(parts["block"]["goal_m"]))
+    (mesh,) = read_bodies(out / "meshes/plug.obj")
+    placed = mesh.translate(tuple(shift_mm))
+    pieces = read_bodies(out / "meshes/block.pieces.obj")
+    filled = [piece ^ placed for piece in pieces]
+    depths_mm = [2 * part.volume() / part.surface_area() for part in filled if part.volume() > 1e-3]
+    assert max(depths_mm, default=0.0) < 0.01
+
+
 @pytest.mark.slow(reason="simulates; the shapes are tested in every run")
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
 def test_pins_and_pegs_of_real_fits_go_in_and_the_answer_says_with_which_play(

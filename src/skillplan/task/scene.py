@@ -90,7 +90,7 @@ class Fit:
     stops
         True if a face of another body must end the insertion.
     outside_m
-        Greatest excess of the shapes of both over the walls of their holes [m], >= 0.
+        Greatest depth to which the shapes of both are in the way of parts [m], >= 0.
     """
 
     into: str

@@ -233,7 +233,7 @@ class FitConfig(Strict):
     )
     outside_m: Annotated[float, Field(ge=0, le=0.1)] = Field(
         0.0,
-        description="greatest excess of the pieces of both over the walls of their holes [m], "
+        description="greatest depth to which the pieces of both are in the way of parts [m], "
         "without 'kind' only; outputs state it",
     )
     force_n: Annotated[float, Field(gt=0, le=10_000)] | None = Field(

@@ -37,9 +37,9 @@ from skillplan_cad.writing.arm_choice import (
     list_screws_towards_arm,
 )
 from skillplan_cad.writing.build_task import build_task
-from skillplan_cad.writing.fit_play import PLAY_M
 from skillplan_cad.writing.grouped_task import build_grouped_task
 from skillplan_cad.writing.held_part import GRIPPERS, KnownHolds, PartHolds
+from skillplan_cad.writing.lanes import PLAY_M
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import TaskNest, WrittenTask
 from skillplan_cad.writing.upright import Upright

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_cad.product import Points, Triangles, make_solid
+from skillplan_cad.writing.lanes import Lane, measure_thickness
 
 Mesh = tuple[Points, Triangles]
 Pieces = tuple[Mesh, ...]
@@ -24,9 +25,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Normal = tuple[float, float, float]
 
-MOST_PIECES = 160
-# Additional pieces for each hollow with a shaft, and limit of all.
-_MORE_PIECES, _MOST_OF_ALL = 64, 512
+# Number of pieces after which only gaps in the way of other parts are cut, and limit of all.
+_MOST_PIECES, _MOST_OF_ALL = 160, 512
 _TO_MM = 1e3
 # Number of boundary planes of a gap that are tried as cuts.
 _MOST_PLANES = 8
@@ -47,28 +47,24 @@ _WORTH = 0.6
 _LEAST_SHARE = 1e-3
 # Weights that encode three coordinates from -1000 to 1000 as one number.
 _PLACES = np.array([10**8, 10**4, 1])
-# Factor by which gaps on the walls of hollows with shafts are cut before others.
+# Factor by which gaps in the way of other parts are cut before others.
 _FIRST = 1e3
 # Share of a gap's corners on the wall of a round hollow above which it belongs to the hollow.
 _ON_WALL = 0.3
+# Range of the sines between neighbouring faces of a curved wall, share of the wall that has such
+# neighbours, and length of the mean of its normals below which it surrounds the gap.
+_CURVED, _MOST_CURVED, _AROUND = (1e-3, 0.5), 0.7, 0.2
 # Distance of the corners' mean from the axis, in radii, below which they surround it.
 _ROUND = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hollow:
-    """A round hollow of a solid.
-
-    Parameters
-    ----------
-    allowed_m
-        Allowed excess of a piece on its wall [m]; None if no shaft fits into it.
-    """
+    """A round hollow of a solid."""
 
     point_m: Floats
     axis: Floats
     radius_m: float
-    allowed_m: float | None = None
 
 
 def decompose_convex(
@@ -76,7 +72,7 @@ def decompose_convex(
     triangles: Triangles,
     allowed_m: float,
     hollows: Sequence[Hollow] = (),
-    most: int = MOST_PIECES,
+    lane: Lane | None = None,
 ) -> Pieces:
     """Return convex pieces that enclose a solid; empty for an empty solid.
 
@@ -86,38 +82,47 @@ def decompose_convex(
         Allowed excess of a piece; a gap between faces counts with its width [m].
     hollows
         Round hollows; cuts through their axes give the fewest pieces.
-    most
-        Number of pieces after which cutting ends.
+    lane
+        Space of other parts; None if they pass no concave part of the solid.
     """
     whole = make_solid(vertices_m, triangles)
     if whole.is_empty():
         return ()
-    waiting: list[tuple[float, int, manifold3d.Manifold, manifold3d.Manifold]] = []
+    waiting: list[tuple[float, int, *tuple[manifold3d.Manifold, ...]]] = []
     done: list[manifold3d.Manifold] = []
     numbers = count()
-    most = count_most_pieces(hollows, most)
 
     def add(bodies: Iterable[manifold3d.Manifold]) -> None:
         for body in bodies:
             hull = body.hull()
-            excess, gap = _find_worst_gap(hull, body, allowed_m, hollows)
+            excess, gap = _find_worst_gap(hull, body, allowed_m, lane)
             if excess <= 1:
                 done.append(hull)
             else:
-                heapq.heappush(waiting, (-excess, next(numbers), body, gap))
+                heapq.heappush(waiting, (-excess, next(numbers), hull, body, gap))
 
     add(_list_bodies(whole))
-    while waiting and len(done) + len(waiting) < most:
-        _, _, body, gap = heapq.heappop(waiting)
-        halves = _cut(body, gap, hollows)
+    while waiting and len(done) + len(waiting) < _get_most(-waiting[0][0]):
+        _, _, hull, body, gap = heapq.heappop(waiting)
+        halves = _cut(hull, body, gap, hollows)
         bodies = [own for half in halves or () for own in _list_bodies(half)]
         if bodies and len(done) + len(waiting) + len(bodies) <= _MOST_OF_ALL:
             add(bodies)
         else:
             # No cut is possible, or its halves fall into more bodies than there is room for.
-            done.append(body.hull())
-    done += [body.hull() for _, _, body, _ in waiting]
+            done.append(hull)
+    done += [hull for _, _, hull, _, _ in waiting]
     return tuple(piece for piece in map(build_mesh, done) if piece is not None)
+
+
+def _get_most(excess: float) -> int:
+    """Return the number of pieces after which a gap with an excess is no longer cut."""
+    return _MOST_OF_ALL if excess >= _FIRST else _MOST_PIECES
+
+
+def is_full(pieces: Pieces) -> bool:
+    """Return whether the greatest number of pieces may have ended the cutting."""
+    return len(pieces) >= _MOST_PIECES
 
 
 def _list_bodies(solid: manifold3d.Manifold) -> list[manifold3d.Manifold]:
@@ -125,27 +130,19 @@ def _list_bodies(solid: manifold3d.Manifold) -> list[manifold3d.Manifold]:
     return [body for body in solid.decompose() if body.volume() >= _LEAST_MM3]
 
 
-def count_most_pieces(hollows: Sequence[Hollow], most: int = MOST_PIECES) -> int:
-    """Return the number of pieces after which cutting ends: more for hollows that hold shafts."""
-    fitted = sum(hollow.allowed_m is not None for hollow in hollows)
-    return min(most + _MORE_PIECES * fitted, _MOST_OF_ALL)
-
-
 def measure_excess_m(
-    pieces: Pieces, vertices_m: Points, triangles: Triangles, hollows: Sequence[Hollow]
+    pieces: Pieces, vertices_m: Points, triangles: Triangles, lane: Lane | None
 ) -> float:
-    """Return the greatest width by which pieces stand out of hollows that hold shafts [m]."""
-    fitted = [hollow for hollow in hollows if hollow.allowed_m is not None]
-    if not fitted:
+    """Return the greatest depth to which pieces are in the way of other parts [m]."""
+    if lane is None:
         return 0.0
-    whole, widest_mm = make_solid(vertices_m, triangles), 0.0
+    whole, deepest_mm = make_solid(vertices_m, triangles), 0.0
     for points, _ in pieces:
         hull = manifold3d.Manifold.hull_points(points * _TO_MM)
-        for gap in (hull - whole).decompose():
-            points = _list_faces(gap)[0]
-            if _find_wall(points, fitted) is not None:
-                widest_mm = max(widest_mm, _measure_width(gap, hull))
-    return widest_mm / _TO_MM
+        if measure_thickness(hull ^ lane.solid) > _FILM_MM:
+            gaps = (hull - whole).decompose()
+            deepest_mm = max(deepest_mm, *map(lane.measure_reach_mm, gaps), 0.0)
+    return deepest_mm / _TO_MM
 
 
 def build_mesh(hull: manifold3d.Manifold) -> Mesh | None:
@@ -175,22 +172,17 @@ def _find_worst_gap(
     hull: manifold3d.Manifold,
     body: manifold3d.Manifold,
     allowed_m: float,
-    hollows: Sequence[Hollow],
+    lane: Lane | None,
 ) -> tuple[float, manifold3d.Manifold]:
-    """Return the largest width of a gap between body and hull as a share of what is allowed."""
+    """Return the largest excess of a gap as a share of what is allowed, and the gap."""
     worst, where = 0.0, body
-    fitted = [hollow for hollow in hollows if hollow.allowed_m is not None]
+    is_free = lane is None or measure_thickness(hull ^ lane.solid) <= _FILM_MM
     for gap in (hull - body).decompose():
-        width_m = _measure_width(gap, hull) / _TO_MM
-        if width_m <= 0:
-            continue
-        wall = _find_wall(_list_faces(gap)[0], fitted) if fitted else None
-        if wall is not None and wall.hollow.allowed_m is not None:
-            excess = width_m / min(wall.hollow.allowed_m, allowed_m)
+        excess = _measure_width(gap, hull) / _TO_MM / allowed_m
+        if lane is not None and not is_free and excess > 0:
+            reach = lane.measure_reach_mm(gap) / _TO_MM / min(lane.allowed_m, allowed_m)
             # No part goes into a hole that is not cut to the end.
-            excess *= _FIRST if excess > 1 else 1
-        else:
-            excess = width_m / allowed_m
+            excess = max(excess, _FIRST * reach if reach > 1 else 0.0)
         if excess > worst:
             worst, where = excess, gap
     return worst, where
@@ -236,7 +228,10 @@ def _mask_body_faces(gap: manifold3d.Manifold, hull: manifold3d.Manifold) -> Boo
 
 
 def _cut(
-    body: manifold3d.Manifold, gap: manifold3d.Manifold, hollows: Sequence[Hollow]
+    hull: manifold3d.Manifold,
+    body: manifold3d.Manifold,
+    gap: manifold3d.Manifold,
+    hollows: Sequence[Hollow],
 ) -> tuple[manifold3d.Manifold, manifold3d.Manifold] | None:
     """Cut a body so that the gap vanishes or is halved; None if no cut is possible."""
     points, corners, normals, areas = _list_faces(gap)
@@ -247,7 +242,7 @@ def _cut(
             halves = _split(body, normal, offset)
             if halves is not None:
                 return halves
-    wholes = body.hull().volume() - body.volume()
+    wholes = hull.volume() - body.volume()
     planes = _find_largest_planes(corners, normals, areas)
     ends = [(axis, (points @ axis).min(), (points @ axis).max()) for axis in np.eye(3)]
     planes += [
@@ -259,6 +254,10 @@ def _cut(
         _, halves = _find_best_cut(body, wall.tangents())
         if halves is not None:
             return halves
+    for normal, offset in _find_edge_planes(gap, hull):
+        halves = _split(body, normal, offset)
+        if halves is not None:
+            return halves
     added, halves_best = _find_best_cut(body, planes)
     if added > _WORTH * wholes:
         middles = [_build_plane(axis, (low + high) / 2) for axis, low, high in ends]
@@ -267,6 +266,42 @@ def _cut(
             other if other is not None and less < added * (1 - _LEAST_SHARE) else halves_best
         )
     return halves_best
+
+
+def _find_edge_planes(
+    gap: manifold3d.Manifold, hull: manifold3d.Manifold
+) -> list[tuple[Normal, float]]:
+    """Return cuts at the edges between faces of a curved wall, from its middle outwards.
+
+    They leave its faces whole. A wall that surrounds the gap has none.
+    """
+    points, corners, normals, areas = _list_faces(gap)
+    of_body = np.flatnonzero(_mask_body_faces(gap, hull))
+    weights = areas[of_body]
+    if np.linalg.norm(weights @ normals[of_body]) < _AROUND * weights.sum():
+        return []
+    _, numbers = np.unique(np.round(points, 6), axis=0, return_inverse=True)
+    faces = numbers.reshape(-1)[np.asarray(gap.to_mesh64().tri_verts, dtype=np.int64)[of_body]]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    owners = np.tile(of_body, 3)
+    keys = edges.min(axis=1) * len(points) + edges.max(axis=1)
+    order = np.argsort(keys, kind="stable")
+    same = np.flatnonzero(np.diff(keys[order]) == 0)
+    first, second = owners[order[same]], owners[order[same + 1]]
+    across = np.cross(normals[first], normals[second])
+    sines = np.linalg.norm(across, axis=1)
+    curved = (sines > _CURVED[0]) & (sines < _CURVED[1])
+    first, second, across = first[curved], second[curved], across[curved]
+    in_wall = np.isin(of_body, np.concatenate([first, second]))
+    if weights[in_wall].sum() < _MOST_CURVED * weights.sum():
+        return []
+    middle = weights @ corners[of_body].mean(axis=1) / weights.sum()
+    cuts = np.cross(across, normals[first] + normals[second])
+    cuts /= np.linalg.norm(cuts, axis=1)[:, None]
+    starts = points[np.unique(numbers, return_index=True)[1]][edges[order[same[curved]], 0]]
+    offsets = np.einsum("ij,ij->i", cuts, starts)
+    nearest = np.argsort(np.round(np.abs(cuts @ middle - offsets), 6), kind="stable")
+    return [_build_plane(cuts[number], float(offsets[number])) for number in nearest[:3]]
 
 
 def _split(

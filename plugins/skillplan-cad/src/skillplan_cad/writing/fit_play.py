@@ -21,10 +21,8 @@ from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Part, Points, Product, Vector, make_solid
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import Pieces, build_mesh
+from skillplan_cad.writing.lanes import PLAY_M
 from skillplan_cad.writing.upright import Upright
-
-PLAY_M = 1e-4
-"""Smallest clearance that back ends play with, on each side [m]."""
 
 CHAMFER_M = 5e-4
 """Chamfer of the edges that lead into a fit [m]."""
@@ -63,7 +61,7 @@ class Played:
     play_m
         Clearance that the pieces leave [m].
     outside_m
-        Greatest excess of the pieces of both over the walls of their holes [m].
+        Greatest depth to which the pieces of both are in the way of parts [m].
     """
 
     part: str
@@ -135,6 +133,7 @@ class FitPlay:
         self._along = {
             name: upright.of(name).vector(step.along) for step in plan.steps for name in step.parts
         }
+        self._order = order
         in_order = list(dict.fromkeys((*order, plan.base, *self._along)))
         self._before = {name: in_order[:number] for number, name in enumerate(in_order)}
         for name in order:
@@ -161,6 +160,21 @@ class FitPlay:
         for first, second, clearance_m in drawn:
             pair = frozenset((first, second))
             self.drawn_m[pair] = min(clearance_m, self.drawn_m.get(pair, clearance_m))
+
+    def list_moves(self, name: str) -> list[tuple[str, Floats]]:
+        """Return the other parts in the order of the task with their move past a part in its pose.
+
+        Those before it come against its own move.
+        """
+        own, before = self._upright.of(name), self._before.get(name, ())
+        moves = []
+        for other in self._order:
+            if other != name:
+                mover = name if other in before else other
+                turn = own.matrix @ self._upright.of(mover).matrix.T
+                along = turn @ np.asarray(self._along.get(mover, DOWN))
+                moves.append((other, -along if mover == name else along))
+        return moves
 
     def loosen(self, part: Part, meshes: Sequence[Pieces]) -> Loosened:
         """Return the pieces of a part with play beside the parts before it."""

@@ -12,25 +12,24 @@ from skillplan_cad.blocking.all_pairs import BlockingTest
 from skillplan_cad.joints.cylinder_fits import find_cylinder_fits
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.planning.watch import Watch
-from skillplan_cad.product import Face, Part, Points, Product, Triangles
+from skillplan_cad.product import Part, Points, Product, Triangles
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import (
     Hollow,
     Pieces,
     build_mesh,
-    count_most_pieces,
     decompose_convex,
+    is_full,
     measure_excess_m,
 )
-from skillplan_cad.writing.fit_play import PLAY_M, FitPlay, Loosened, Played
+from skillplan_cad.writing.fit_play import FitPlay, Loosened, Played
+from skillplan_cad.writing.lanes import Lane, Lanes
 from skillplan_cad.writing.upright import Upright
 
 Mesh = tuple[Points, Triangles]
 
 # Allowed excess of pieces: at first, and as a share of the tolerance for the second cut.
 _COARSE_M = 3e-4
-# Share of a clearance that pieces may fill.
-_CLEARANCE_SHARE = 0.2
 _FINE_SHARE = 0.5
 # Share of the time limit at which cutting is interrupted, so that trials have the rest.
 _CUTTING_SHARE = 0.7
@@ -126,7 +125,9 @@ class PieceProof:
         self._product, self._relation, self._upright = product, relation, upright
         self._watch = watch
         self._play = FitPlay(product, relation, plan, upright, cuts.fits, order)
-        self._cutter = _Cutter(product, self._play.drawn_m, upright, cuts)
+        play = self._play
+        lanes = Lanes(product, relation, upright, play.list_moves, play.drawn_m)
+        self._cutter = _Cutter(upright, lanes, cuts)
         self._meshes: dict[str, Sequence[Mesh]] = {}
         self._loosened: dict[str, Loosened] = {}
         self._excess_m: dict[str, float] = {}
@@ -191,7 +192,7 @@ class PieceProof:
         """Keep the pieces of a part with play beside the parts that are in place before."""
         part = self._get_part(name)
         self._loosened[name] = self._play.loosen(part, pieces)
-        self._excess_m[name] = self._cutter.measure_excess_m(part, pieces, self._meshes[name])
+        self._excess_m[name] = self._cutter.excess_m[name]
 
     def _test(self, names: Collection[str]) -> None:
         """Find the differences of the pairs with some parts anew."""
@@ -228,63 +229,52 @@ class Cuts:
         self._made: dict[tuple[bytes, float], list[_Cut]] = {}
 
     def cut(
-        self, vertices_m: Points, triangles: Triangles, allowed_m: float, hollows: Sequence[Hollow]
-    ) -> Pieces:
-        """Return the pieces of a mesh, turned from an equal shape that was cut before."""
+        self,
+        vertices_m: Points,
+        triangles: Triangles,
+        allowed_m: float,
+        hollows: Sequence[Hollow],
+        lane: Lane | None,
+    ) -> tuple[Pieces, float]:
+        """Return the pieces of a mesh, and the width by which they are in the way of others [m].
+
+        They are turned from an equal shape that was cut before, if possible.
+        """
         key = triangles.tobytes()
-        for cut in self._made.get((key, allowed_m), ()):
-            pieces = cut.turn(vertices_m, hollows)
-            if pieces is not None:
-                return pieces
-        for (other, coarser_m), cuts in self._made.items():
-            # Finer cuts would stop at the same pieces.
-            for cut in cuts if other == key and coarser_m > allowed_m else ():
-                pieces = cut.turn(vertices_m, hollows) if cut.is_full else None
-                if pieces is not None:
-                    return pieces
-        pieces = decompose_convex(vertices_m, triangles, allowed_m, hollows)
-        is_full = len(pieces) >= count_most_pieces(hollows)
-        cut = _Cut(vertices_m, tuple(hollows), pieces, is_full)
-        self._made.setdefault((key, allowed_m), []).append(cut)
-        return pieces
+        for (other, other_m), cuts in self._made.items():
+            if other != key or other_m < allowed_m:
+                continue
+            for cut in cuts:
+                # Finer cuts would stop at the same pieces.
+                is_same = other_m == allowed_m or is_full(cut.pieces)
+                pieces = cut.turn(vertices_m) if is_same else None
+                if pieces is None:
+                    continue
+                excess_m = measure_excess_m(pieces, vertices_m, triangles, lane)
+                if lane is None or excess_m <= lane.allowed_m or lane.is_like(cut.lane):
+                    return pieces, excess_m
+        pieces = decompose_convex(vertices_m, triangles, allowed_m, hollows, lane)
+        self._made.setdefault((key, allowed_m), []).append(_Cut(vertices_m, lane, pieces))
+        return pieces, measure_excess_m(pieces, vertices_m, triangles, lane)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cut:
-    """A mesh that was cut.
-
-    Parameters
-    ----------
-    is_full
-        True if the greatest number of pieces ended the cutting.
-    """
+    """A mesh that was cut."""
 
     vertices_m: Points
-    hollows: tuple[Hollow, ...]
+    lane: Lane | None
     pieces: Pieces
-    is_full: bool
 
-    def turn(self, vertices_m: Points, hollows: Sequence[Hollow]) -> Pieces | None:
+    def turn(self, vertices_m: Points) -> Pieces | None:
         """Return the pieces for vertices that are moved as a rigid body, or None."""
-        if vertices_m.shape != self.vertices_m.shape or len(hollows) != len(self.hollows):
+        if vertices_m.shape != self.vertices_m.shape:
             return None
         if np.abs(vertices_m - self.vertices_m).max() < _ROUNDED_M:
-            turn, shift_m = np.eye(3), np.zeros(3)
-        else:
-            turn, shift_m = _fit_rigid_motion(self.vertices_m, vertices_m)
-            moved = self.vertices_m @ turn.T + shift_m
-            if np.abs(moved - vertices_m).max() > _ROUNDED_M:
-                return None
-        for hollow in self.hollows:
-            axis, point = turn @ hollow.axis, turn @ hollow.point_m + shift_m
-            if not any(
-                other.allowed_m == hollow.allowed_m
-                and _is_same(other, point, axis, hollow.radius_m)
-                for other in hollows
-            ):
-                return None
-        if not shift_m.any() and np.array_equal(turn, np.eye(3)):
             return self.pieces
+        turn, shift_m = _fit_rigid_motion(self.vertices_m, vertices_m)
+        if np.abs(self.vertices_m @ turn.T + shift_m - vertices_m).max() > _ROUNDED_M:
+            return None
         # Rounded faces of small pieces are no longer convex, so each piece is a hull anew.
         rebuilt = (
             build_mesh(manifold3d.Manifold.hull_points((points @ turn.T + shift_m) * 1e3))
@@ -308,72 +298,38 @@ def _fit_rigid_motion(before_m: Points, after_m: Points) -> tuple[Points, Points
 class _Cutter:
     """Cuts the parts of a product in one orientation.
 
-    Parameters
+    Attributes
     ----------
-    drawn_m
-        Clearances by the names of both parts [m].
+    excess_m
+        Width by which the pieces of each part are in the way of other parts [m].
     """
 
-    def __init__(
-        self,
-        product: Product,
-        drawn_m: Mapping[frozenset[str], float],
-        upright: Upright,
-        cuts: Cuts,
-    ) -> None:
-        self._upright, self._cuts = upright, cuts
-        # Allowed excess on the walls of holes that hold shafts, by name of the part [m].
-        self._fitted: dict[str, list[tuple[Face, float]]] = {}
-        for fit in cuts.fits:
-            inner, outer = product.parts[fit.inner].name, product.parts[fit.outer].name
-            clearance_m = min(drawn_m[frozenset((inner, outer))], fit.radius_difference_m)
-            allowed_m = _CLEARANCE_SHARE * max(clearance_m, PLAY_M)
-            self._fitted.setdefault(outer, []).append((fit.hole, allowed_m))
+    def __init__(self, upright: Upright, lanes: Lanes, cuts: Cuts) -> None:
+        self._upright, self._lanes, self._cuts = upright, lanes, cuts
+        self.excess_m: dict[str, float] = {}
 
     def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
         """Return the pieces of each mesh of a part."""
-        hollows = self._find_hollows(part)
-        return tuple(
-            self._cuts.cut(vertices_m, triangles, allowed_m, hollows)
-            for vertices_m, triangles in meshes
-        )
-
-    def measure_excess_m(
-        self, part: Part, pieces: Sequence[Pieces], meshes: Sequence[Mesh]
-    ) -> float:
-        """Return the greatest excess of pieces over the walls of holes with shafts [m]."""
-        if part.name not in self._fitted:
-            return 0.0
-        hollows = self._find_hollows(part)
-        return max(
-            measure_excess_m(own, vertices_m, triangles, hollows)
-            for own, (vertices_m, triangles) in zip(pieces, meshes, strict=True)
-        )
+        hollows, pieces, excess_m = self._find_hollows(part), [], 0.0
+        for vertices_m, triangles in meshes:
+            lane = self._lanes.find(part, vertices_m, triangles)
+            own, own_m = self._cuts.cut(vertices_m, triangles, allowed_m, hollows, lane)
+            pieces.append(own)
+            excess_m = max(excess_m, own_m)
+        self.excess_m[part.name] = excess_m
+        return tuple(pieces)
 
     def _find_hollows(self, part: Part) -> list[Hollow]:
         upright = self._upright.of(part.name)
         bottom = np.array(upright.bottom(part))
         hollows: list[Hollow] = []
         for face in part.faces:
-            if face.kind != "cylinder" or not face.hollow:
-                continue
-            point = upright.matrix @ np.asarray(face.origin_m) + upright.offset_m - bottom
-            axis = upright.matrix @ np.asarray(face.axis)
-            if not any(_is_same(hollow, point, axis, face.radius_m) for hollow in hollows):
-                fits = self._fitted.get(part.name, ())
-                allowed = (allowed_m for hole, allowed_m in fits if _are_coaxial(face, hole))
-                hollows.append(Hollow(point, axis, face.radius_m, min(allowed, default=None)))
+            if face.kind == "cylinder" and face.hollow:
+                point = upright.matrix @ np.asarray(face.origin_m) + upright.offset_m - bottom
+                axis = upright.matrix @ np.asarray(face.axis)
+                if not any(_is_same(hollow, point, axis, face.radius_m) for hollow in hollows):
+                    hollows.append(Hollow(point, axis, face.radius_m))
         return hollows
-
-
-def _are_coaxial(face: Face, other: Face) -> bool:
-    """Return whether two faces lie on the same cylinder."""
-    offset = np.subtract(other.origin_m, face.origin_m)
-    return bool(
-        abs(np.dot(face.axis, other.axis)) > 1 - _SAME_M
-        and float(np.linalg.norm(np.cross(offset, face.axis))) < _SAME_M
-        and abs(face.radius_m - other.radius_m) < _SAME_M
-    )
 
 
 def _is_same(hollow: Hollow, point: Points, axis: Points, radius_m: float) -> bool:
@@ -395,11 +351,10 @@ def _find_differences(
     """Yield the pairs with a changed part that pieces block beyond the relation."""
     parts, numbers = [], []
     for number, part in enumerate(product):
-        pieces = [piece for mesh in pieces_of.get(part.name, ()) for piece in mesh]
-        # Screws need free holes, too.
-        if part.name in pieces_of or part.name in relation.driven:
-            own = upright.of(part.name)
-            parts.append(_replace_mesh(part, pieces, own) if pieces else part)
+        # Screws are heads only, which pass the holes.
+        if part.name in pieces_of:
+            pieces = [piece for mesh in pieces_of[part.name] for piece in mesh]
+            parts.append(_replace_mesh(part, pieces, upright.of(part.name)) if pieces else part)
             numbers.append(number)
     if len(parts) < 2:
         return

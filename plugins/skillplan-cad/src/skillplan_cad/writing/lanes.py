@@ -1,0 +1,205 @@
+"""Space that parts pass on their straight way into a product, which pieces of others must not fill.
+
+Sweeps of the true meshes: the faces of a part that point ahead, extruded backwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_cad.product import Part, Points, Product, Triangles, make_solid
+from skillplan_cad.relation import Relation
+from skillplan_cad.writing.upright import Upright
+
+PLAY_M = 1e-4
+"""Smallest clearance that back ends play with, on each side [m]."""
+
+Floats = NDArray[np.float64]
+
+_TO_MM = 1e3
+# Share of a clearance that pieces may fill, and the widest clearance that is kept free [m].
+_CLEARANCE_SHARE, _WIDEST_M = 0.2, 3e-4
+# Smallest cosine between the move and the normal of a face that points ahead.
+_AHEAD = 1e-6
+# Thickness above which a gap may be a recess of a wall [mm]. It is in the way of a part if it
+# reaches into its lane by more than the clearance and a share of it.
+_RECESS_MM, _FURTHER = 0.3, 1.25
+# Difference of sizes of lanes that are one, as a share.
+_SAME_SIZE = 1e-6
+_LEAST_MM, _LEAST_MM3 = 1e-3, 1e-3
+# Number of triangles up to which a mesh is swept, and the tolerances to which others are simplified
+# [mm]; their hull is swept if that does not suffice.
+_MANY_FACES, _TOLERANCES_MM = 6000, (0.01, 0.05, 0.2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lane:
+    """Space in the concave parts of a solid that other parts pass or fill, with their clearance.
+
+    Parameters
+    ----------
+    solid
+        The space, in the frame of the solid [mm].
+    clearance_m
+        Greatest clearance that is part of it [m].
+    allowed_m
+        Allowed width of a gap in it [m].
+    """
+
+    solid: manifold3d.Manifold
+    clearance_m: float
+    allowed_m: float
+
+    def measure_reach_mm(self, gap: manifold3d.Manifold) -> float:
+        """Return the depth to which a gap of a piece is in the way of a part [mm]."""
+        parts = (gap ^ self.solid).decompose()
+        # A gap between the faces of a curved wall is a wedge.
+        reach_mm = 2 * max(map(measure_thickness, parts), default=0.0)
+        is_recess = measure_thickness(gap) > _RECESS_MM
+        return (
+            0.0 if is_recess and reach_mm < 2 * _FURTHER * self.clearance_m * _TO_MM else reach_mm
+        )
+
+    def is_like(self, other: Lane | None) -> bool:
+        """Return whether another space has the same size."""
+        if other is None:
+            return False
+        own, its = self.solid, other.solid
+        return math.isclose(own.volume(), its.volume(), rel_tol=_SAME_SIZE) and math.isclose(
+            own.surface_area(), its.surface_area(), rel_tol=_SAME_SIZE
+        )
+
+
+def measure_thickness(solid: manifold3d.Manifold) -> float:
+    """Return the ratio of volume and half the surface, at most the thickness of a sheet [mm]."""
+    return 0.0 if solid.is_empty() else 2 * float(solid.volume() / solid.surface_area())
+
+
+class Lanes:
+    """Finds the space of other parts in the concave parts of each.
+
+    Parameters
+    ----------
+    list_moves
+        Returns the other parts in the order with their moves past a part in its pose.
+    drawn_m
+        Clearances as drawn, by the names of both parts [m].
+    """
+
+    def __init__(
+        self,
+        product: Product,
+        relation: Relation,
+        upright: Upright,
+        list_moves: Callable[[str], list[tuple[str, Floats]]],
+        drawn_m: Mapping[frozenset[str], float],
+    ) -> None:
+        self._product, self._relation, self._upright = product, relation, upright
+        self._list_part_moves, self._drawn_m = list_moves, drawn_m
+        self._corners: dict[str, Points] = {}
+        self._threads = {
+            frozenset((fastener.part, mate))
+            for fastener in relation.fasteners
+            for mate in fastener.threaded_in
+        }
+
+    def find(self, part: Part, vertices_m: Points, triangles: Triangles) -> Lane | None:
+        """Return the space of other parts, or None if a mesh leaves them free as its hull.
+
+        Parameters
+        ----------
+        vertices_m
+            Upright, relative to the centre of the part's bottom [m].
+        """
+        solid = make_solid(vertices_m, triangles)
+        concave = solid.hull() - solid
+        if concave.volume() < _LEAST_MM3:
+            return None
+        own = self._upright.of(part.name)
+        room = np.array(concave.bounding_box()).reshape(2, 3)
+        bottom = np.array(own.bottom(part))
+        prisms: list[manifold3d.Manifold] = []
+        widest_m = 0.0
+        for other, along in self._list_moves(part.name):
+            drawn_m = self._drawn_m.get(frozenset((part.name, other.name)), 0.0)
+            clearance_m = (1 - _CLEARANCE_SHARE) * min(max(drawn_m, PLAY_M), _WIDEST_M)
+            shift = (own.offset_m - bottom) * _TO_MM
+            corners = self._list_corners(other) @ own.matrix.T + shift
+            swept = _sweep_faces(corners, along, clearance_m * _TO_MM, room)
+            if swept:
+                prisms += swept
+                widest_m = max(widest_m, clearance_m)
+        space = manifold3d.Manifold.batch_boolean(prisms, manifold3d.OpType.Add) ^ concave
+        if space.volume() < _LEAST_MM3:
+            return None
+        return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M)
+
+    def _list_moves(self, name: str) -> Iterator[tuple[Part, Floats]]:
+        """Yield the parts and screws that come along a part, with their move in its pose."""
+        own = self._upright.of(name)
+        moves = self._list_part_moves(name)
+        for fastener in self._relation.fasteners:
+            if fastener.part in self._relation.driven - {name}:
+                moves.append((fastener.part, -np.asarray(own.vector(fastener.axis))))
+        for other, along in moves:
+            if frozenset((name, other)) not in self._threads:
+                yield self._product.parts[self._product.index(other)], along
+
+    def _list_corners(self, part: Part) -> Points:
+        """Return the corners of a part's triangles, in the product's frame [mm].
+
+        A screw has only its head, as in engines.
+        """
+        if part.name in self._corners:
+            return self._corners[part.name]
+        solid = make_solid(part.vertices_m, part.triangles)
+        for tolerance_mm in _TOLERANCES_MM:
+            if solid.num_tri() > _MANY_FACES:
+                solid = solid.simplify(tolerance_mm)
+        mesh64 = (solid if solid.num_tri() <= _MANY_FACES else solid.hull()).to_mesh64()
+        points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
+        corners = points[np.asarray(mesh64.tri_verts, dtype=np.int64)]
+        fastener = self._relation.fastener(part.name)
+        if fastener is not None and part.name in self._relation.driven:
+            heights = corners @ np.asarray(fastener.axis)
+            low_mm = float((part.vertices_m @ np.asarray(fastener.axis)).min()) * _TO_MM
+            in_head = heights > low_mm + fastener.length_m * _TO_MM - _LEAST_MM
+            corners = corners[in_head.all(axis=1)]
+        self._corners[part.name] = corners
+        return corners
+
+
+def _sweep_faces(
+    corners: Points, along: Floats, clearance_mm: float, room: Floats
+) -> list[manifold3d.Manifold]:
+    """Return the space in a box through which the faces ahead of a moved mesh come.
+
+    Parameters
+    ----------
+    corners
+        Corners of triangles, shape (n, 3, 3) [mm].
+    room
+        Lowest and highest corner of the box [mm].
+    """
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(across, axis=1)
+    corners = corners[across @ along > _AHEAD * lengths]
+    box = np.stack(np.meshgrid(*room.T), axis=-1).reshape(-1, 3)
+    length = float((corners @ along).max(initial=-np.inf) - (box @ along).min())
+    if length <= 0:
+        return []
+    side = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    sides = np.stack([side, np.cross(along, side)]) * clearance_mm / np.linalg.norm(side)
+    offsets = np.concatenate([[[1, 1], [1, -1], [-1, 1], [-1, -1]] @ sides] * 2)
+    offsets[4:] -= along * length
+    prisms = (corners[:, :, None] + offsets).reshape(len(corners), 24, 3)
+    is_near = (prisms.min(axis=1) < room[1]).all(axis=1) & (prisms.max(axis=1) > room[0]).all(
+        axis=1
+    )
+    return [manifold3d.Manifold.hull_points(points) for points in prisms[is_near]]
