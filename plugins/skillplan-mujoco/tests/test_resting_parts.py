@@ -155,3 +155,22 @@ def test_a_light_part_settles_on_many_pieces_and_bears_its_weight_once():
         advance(world, 0.1)
     lift_n = sum(touch.force_n[2] for touch in world.points_on("spacer"))
     assert lift_n == pytest.approx(0.001 * 9.81, rel=0.02)
+
+
+def test_a_part_of_a_milligram_may_be_thinner_than_a_hair():
+    """MuJoCo refuses its moments of inertia, below 1e-15 kg m2."""
+    chip = {"size_m": [7e-5, 7e-5, 7e-5], "mass_kg": 1e-6, "start_m": [0.3, 0.2]}
+    parts = {"chip": {**chip, "tool": "gripper", "goal_m": [0.5, 0.2]}}
+    task = assembly(
+        {
+            "kind": "assembly",
+            "name": "chip",
+            "robot": {"home_m": [0.307, 0.0], "safe_height_m": 0.15},
+            "tools": {"gripper": {"holder_m": [0.6, -0.3]}},
+            "initial_tool": "gripper",
+            "parts": parts,
+        }
+    )
+    world = placed(task, "chip")
+    advance(world, 0.1)
+    assert math.dist(world.pose("chip").position, (0.5, 0.2, 0.0)) < 5e-5

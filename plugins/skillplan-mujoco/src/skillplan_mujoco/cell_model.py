@@ -346,7 +346,8 @@ def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
         return
     part = spec.worldbody.add_body(name=body.name, pos=get_parking_position(number))
     part.add_freejoint()
-    properties = compute_mass_properties(body)
+    # MuJoCo refuses smaller moments of inertia.
+    properties = compute_mass_properties(body).at_least(mujoco.mjMINVAL)
     part.explicitinertial = True
     part.mass, part.ipos = body.mass_kg, properties.centre
     part.inertia = properties.inertia_kg_m2
