@@ -386,6 +386,17 @@ POCKET = box(0, 0, 0, 60, 60, 12) - box(2, 2, 5, 58, 58, 30)
 SEAT, RING = (box(0, 0, 0, 60, 60, 20) - rod(30, 30, 13, 11.5, 20), rod(30, 30, 13, 11, 7))
 
 
+def test_a_part_whose_tools_were_not_all_tried_in_time_keeps_its_last_failure():
+    """The time is over once the fingers have met the wall of the pocket."""
+    trials = iter([True, True])
+    watch = Watch(attempt=lambda make, share: make() if share != 0.65 or next(trials, 0) else None)
+    part = box(4.5, 2.6, 5, 10, 8.1, 12)
+    task = assembled(("case", POCKET), ("part", part), watch=watch, up=UP)
+    reason = task.left_out["part"]
+    assert reason.kind == "not examined"
+    assert "a finger runs into case" in reason.text
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "part", "is_inner"),

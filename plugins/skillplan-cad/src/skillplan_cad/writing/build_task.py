@@ -385,7 +385,17 @@ class _TaskBuilder:
             if self._names.get(part.name) not in trials.granted
             and part.name not in self._holds.fixed
         }
-        return _list_unexamined(untried) | self._absent
+        return self._explain_untried(untried) | self._absent
+
+    def _explain_untried(self, names: Iterable[str]) -> dict[str, LeftOut]:
+        """Return parts that were not tried with all tools in the time, with the last failure."""
+        reasons = _list_unexamined(names)
+        for name in reasons:
+            failure = self._holds.find_failure(name)
+            if failure is not None:
+                words = f"was not tried with all tools in the time; before, {failure.text}"
+                reasons[name] = LeftOut(name, "not examined", f"{words}; --time-limit sets it")
+        return reasons
 
     def _seat(self, writer: TaskWriter, watch: Watch) -> None:
         """Put the base into a nest if it needs one, and can have one."""
@@ -535,7 +545,7 @@ class _TaskBuilder:
                 self._falling.append(name)
             elif not self._holds.take_next(name, failure):
                 reasons |= self._conflicting.get(name) or self._holds.give_up(name)
-        reasons |= _list_unexamined(names[task_name] for task_name in trial.untried)
+        reasons |= self._explain_untried(names[task_name] for task_name in trial.untried)
         reasons |= _list_unordered(names[task_name] for task_name in trial.unordered)
         for task_name, conflict in trial.conflicts.items():
             name, by = names[task_name], tuple(names[other] for other in conflict.by)

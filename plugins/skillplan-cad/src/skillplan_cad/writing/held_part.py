@@ -292,6 +292,10 @@ class PartHolds:
         """Return the number of the bit that drives a screw or nut."""
         return self._extensions.get(name, 0)
 
+    def find_failure(self, name: str) -> Failure | None:
+        """Return why the arm cannot bring a part with the tools before the chosen one, or None."""
+        return self._failures.get(name)
+
     def list_order(self) -> list[str]:
         """Return the parts in the order of assembly, each screw after what it joins."""
         order = list(self._order)
