@@ -301,6 +301,18 @@ PLACES_MM = (-20.0, 0.0, 20.0)
 PINS = ("pin_0", "pin_1", "pin_2", "peg")
 
 
+def import_solids(folder, solids, *options):
+    """Import solids [mm] by name from STL files, and return the folder of the task."""
+    (folder / "parts").mkdir()
+    for name, solid in solids.items():
+        mesh = solid.to_mesh()
+        trimesh.Trimesh(mesh.vert_properties, mesh.tri_verts).export(folder / f"parts/{name}.stl")
+    out = folder / "out"
+    words = ["import-cad", str(folder / "parts"), "--unit", "mm", "--no-cache", "--out", str(out)]
+    assert run([*words, *options]) == 0
+    return out
+
+
 @pytest.fixture(scope="module")
 def pinned(tmp_path_factory):
     """Return the folder of an import: a block, a pin in each of its holes, and a square peg."""
@@ -316,14 +328,7 @@ def pinned(tmp_path_factory):
         solids[f"pin_{number}"] = pin.translate((x_mm, 15, 10))
     block -= manifold3d.Manifold.cube((12, 12, 10), True).translate((0, -15, 15))
     solids["peg"] = manifold3d.Manifold.cube((12, 12, 25), True).translate((0, -15, 22.5))
-    (folder / "parts").mkdir()
-    for name, solid in {"block": block, **solids}.items():
-        mesh = solid.to_mesh()
-        trimesh.Trimesh(mesh.vert_properties, mesh.tri_verts).export(folder / f"parts/{name}.stl")
-    out = folder / "out"
-    words = ["import-cad", str(folder / "parts"), "--unit", "mm", "--no-nests", "--out", str(out)]
-    assert run([*words, "--no-cache"]) == 0
-    return out
+    return import_solids(folder, {"block": block, **solids}, "--no-nests")
 
 
 @pytest.fixture(scope="module")
@@ -408,6 +413,26 @@ def test_pins_and_pegs_of_real_fits_go_in_and_the_answer_says_with_which_play(
     assert springs == (engine == "mujoco")
 
 
+def test_a_sleeve_over_a_post_and_blocks_side_by_side_have_play_and_chamfers_in_any_order(tmp_path):
+    """Slivers at the wall of a bore are thinner than the play, and either block may come last."""
+    cube, cylinder = manifold3d.Manifold.cube, manifold3d.Manifold.cylinder
+    frame = cube((140, 70, 30), True).translate((10, 0, 15))
+    frame -= cube((80, 40, 25), True).translate((0, 0, 17.5))
+    solids = {"frame": frame + cylinder(40, 6, 6, 36).translate((62, 0, 30))}
+    for name, x_mm in (("left", -20), ("right", 20)):
+        solids[name] = cube((40, 40, 35), True).translate((x_mm, 0, 22.5))
+    sleeve = cylinder(30, 9, 9, 44) - cylinder(30, 6, 6, 36)
+    solids["sleeve"] = sleeve.translate((62, 0, 30))
+    out = import_solids(tmp_path, solids, "--no-nests")
+    post = cylinder(30, 6, 6, 36)
+    pieces = read_bodies(out / "meshes/sleeve.pieces.obj")
+    assert min(piece.min_gap(post, 1.0) for piece in pieces) > 0.099
+    for name in ("left", "right"):
+        (block,) = read_bodies(out / f"meshes/{name}.pieces.obj")
+        low, high = np.reshape(block.trim_by_plane((0, 0, -1), -0.01).bounding_box(), (2, 3))
+        assert (high - low)[:2] == pytest.approx([39.0, 39.0], abs=0.3)
+
+
 @pytest.mark.slow(reason="an import; the parts of it are tested in every run")
 def test_a_peg_that_only_a_hole_holds_is_supported_and_goes_in_from_the_side(tmp_path):
     """Its centre is beside the wall: with the play of the fit it tips before the hole holds."""
@@ -418,13 +443,7 @@ def test_a_peg_that_only_a_hole_holds_is_supported_and_goes_in_from_the_side(tmp
     solids = {"wall": wall, "peg": cube((80, 12, 12), True).translate((-20, 0, 40))}
     for name, y_mm in (("left", 30), ("right", -30)):
         solids[name] = cube((20, 16, 20), True).translate((30, y_mm, 25))
-    (tmp_path / "parts").mkdir()
-    for name, solid in solids.items():
-        mesh = solid.to_mesh()
-        trimesh.Trimesh(mesh.vert_properties, mesh.tri_verts).export(tmp_path / f"parts/{name}.stl")
-    out = tmp_path / "out"
-    words = ["import-cad", str(tmp_path / "parts"), "--unit", "mm", "--out", str(out)]
-    assert run([*words, "--no-cache"]) == 0
+    out = import_solids(tmp_path, solids)
     task = yaml.safe_load((out / "product.yaml").read_text())
     assert ["peg"] in [holder["parts"] for holder in task["holders"].values()]
     (along,) = task["parts"]["peg"]["insert_along"]

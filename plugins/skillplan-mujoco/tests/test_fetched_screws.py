@@ -45,6 +45,7 @@ def verdict_of(content: dict[str, Any], setup: Setup) -> Verdict:
         pytest.param(fetching_board(head_mm=(10.0, 12.0)), id="a tall head on the table"),
         pytest.param(fetching_board(0.02, beneath_m=0.02), id="on a tray"),
         pytest.param(fetching_board(wall_m=0.008), id="beside a low wall"),
+        pytest.param(fetching_board(head_mm=(10.0, 0.1)), id="a head lower than it is pressed in"),
     ],
 )
 def test_a_screw_does_not_collide_with_what_bears_its_feeder(content, setup):

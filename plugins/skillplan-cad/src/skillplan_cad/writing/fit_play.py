@@ -2,7 +2,7 @@
 
 A part that goes in beside another gets smaller pieces: their sides that pass the other keep a
 distance from its mesh, and the edges that lead are chamfered. Real shafts and holes have chamfers,
-which CAD often leaves out.
+which CAD often leaves out. Either part of a fit may come last, so both have chamfers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Part, Points, Product, Vector, make_solid
 from skillplan_cad.relation import Relation
-from skillplan_cad.writing.convex_pieces import Pieces, build_mesh
+from skillplan_cad.writing.convex_pieces import Mesh, Pieces, build_mesh
 from skillplan_cad.writing.lanes import PLAY_M
 from skillplan_cad.writing.upright import Upright
 
@@ -41,8 +41,8 @@ _STRAIGHT = 0.02
 _STEEP = 0.5
 # Share by which a side shrinks towards its middle.
 _INWARD = 0.02
-# Largest share of a piece that a chamfer takes.
-_SHARE = 0.25
+# Largest share of a piece that a chamfer takes, and least share of a thin one that others back.
+_SHARE, _BACKED = 0.25, 0.5
 _DECIMALS = 6
 # Difference between components of directions that are one, and height of a level direction.
 _SAME = _LEVEL = 1e-6
@@ -106,7 +106,7 @@ def choose_direction(possible: Sequence[Vector], planned: Vector) -> Vector:
 
 
 class FitPlay:
-    """Gives parts play beside those that are in place before them.
+    """Gives parts play beside those that may be in place before them.
 
     Parameters
     ----------
@@ -136,10 +136,21 @@ class FitPlay:
         self._order = order
         in_order = list(dict.fromkeys((*order, plan.base, *self._along)))
         self._before = {name: in_order[:number] for number, name in enumerate(in_order)}
-        for name in order:
+        # Parts that come later in this order, but may be in place before.
+        self._after: dict[str, list[str]] = {}
+        for number, name in enumerate(in_order):
+            if name not in order:
+                continue
             free = list_free_directions(relation, upright, name, self._before[name])
             planned = self._along.get(name, DOWN)
-            self._along[name] = choose_direction([vector for vector, _ in free], planned)
+            along = choose_direction([vector for vector, _ in free], planned)
+            self._along[name] = along
+            blockers = next((bits for vector, bits in free if vector == along), -1)
+            self._after[name] = [
+                other
+                for other in in_order[number + 1 :]
+                if not blockers & encode_set([relation.index(other)])
+            ]
         self._solids: dict[tuple[str, Upright], manifold3d.Manifold] = {}
         drawn = [
             (product.parts[fit.inner].name, product.parts[fit.outer].name, fit.radius_difference_m)
@@ -177,7 +188,10 @@ class FitPlay:
         return moves
 
     def loosen(self, part: Part, meshes: Sequence[Pieces]) -> Loosened:
-        """Return the pieces of a part with play beside the parts before it."""
+        """Return the pieces of a part with play beside the parts before it.
+
+        Parts that are planned to come later have the play themselves on sides that face them.
+        """
         along = np.asarray(self._along.get(part.name, (0.0, 0.0, -1.0)))
         own = self._upright.of(part.name)
         bottom = np.array(own.bottom(part))
@@ -186,10 +200,10 @@ class FitPlay:
         low = np.min([hull.low for hull in everything], axis=0)
         high = np.max([hull.high for hull in everything], axis=0)
         fits = []
-        for other in self._find_near(part, low, high, along, bottom):
+        for other, others_along in self._find_near(part, low, high, along, bottom):
             shift = -bottom * _TO_MM
             solid = self._solid(other, own).translate(tuple(shift.tolist()))
-            gaps_mm = [gap for hull in everything for gap in hull.face(solid, along)]
+            gaps_mm = [gap for hull in everything for gap in hull.face(solid, along, others_along)]
             if gaps_mm:
                 pair = frozenset((part.name, other))
                 drawn_m = self.drawn_m.get(pair)
@@ -198,12 +212,8 @@ class FitPlay:
                     drawn_m = max(-self._overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
                 drawn_m = round(drawn_m, _DECIMALS) + 0.0
                 fits.append(Played(part.name, other, drawn_m, max(drawn_m, PLAY_M)))
-        # A piece thinner than its play stays as it is, as the part would have a gap without it.
         pieces = tuple(
-            tuple(
-                (hull.cut(along) or own) if hull.sides else own
-                for hull, own in zip(mesh_hulls, own_pieces, strict=True)
-            )
+            tuple(_cut_pieces(mesh_hulls, own_pieces, along))
             for mesh_hulls, own_pieces in zip(hulls, meshes, strict=True)
         )
         return Loosened(pieces, tuple(fits))
@@ -218,16 +228,37 @@ class FitPlay:
 
     def _find_near(
         self, part: Part, low: Floats, high: Floats, along: Floats, bottom: Floats
-    ) -> Iterator[str]:
-        """Yield the parts before a part whose boxes it passes within the clearance of a fit."""
+    ) -> Iterator[tuple[str, Floats | None]]:
+        """Yield the parts whose boxes a part passes within the clearance of a fit.
+
+        Each comes with the direction in which it is brought if it has play beside the part itself.
+        """
         sideways = np.abs(along) < 1 - 1e-6
         own = self._upright.of(part.name)
-        for name in self._before.get(part.name, ()):
+        before = [(name, None) for name in self._before.get(part.name, ())]
+        after = [
+            (name, np.asarray(self._along.get(name, DOWN)))
+            for name in self._after.get(part.name, ())
+        ]
+        for name, others_along in (*before, *after):
             box = np.array(self._solid(name, own).bounding_box()).reshape(2, 3) - bottom * _TO_MM
             room = _REACH_M * _TO_MM
             apart = (box[0] > high + room) | (low > box[1] + room)
             if not (apart & sideways).any() and not self._solid(name, own).is_empty():
-                yield name
+                yield name, others_along
+
+
+def _cut_pieces(hulls: Sequence[_Hull], pieces: Pieces, along: Floats) -> Iterator[Mesh]:
+    """Yield the pieces of a mesh with play.
+
+    A piece thinner than its play goes if others lie behind it. Otherwise the part would have a gap.
+    """
+    for number, (hull, own) in enumerate(zip(hulls, pieces, strict=True)):
+        piece = hull.cut(along) if hull.sides else own
+        if piece is not None:
+            yield piece
+        elif not hull.is_backed([*hulls[:number], *hulls[number + 1 :]]):
+            yield own
 
 
 class _Hull:
@@ -237,12 +268,22 @@ class _Hull:
         self._points = points_m * _TO_MM
         self._solid = manifold3d.Manifold.hull_points(self._points)
         self.low, self.high = self._points.min(axis=0), self._points.max(axis=0)
-        # Normal and offset of each side that passes another part, with the least gap.
+        # Normal and offset of each side that passes another part, with the least gap; the play if
+        # the other part keeps it.
         self.sides: dict[tuple[float, float, float, float], float] = {}
         self._facets: list[tuple[Floats, float, Points]] | None = None
 
-    def face(self, other: manifold3d.Manifold, along: Floats) -> list[float]:
-        """Note the sides that pass another part within the clearance of a fit; return the gaps."""
+    def face(
+        self, other: manifold3d.Manifold, along: Floats, others_along: Floats | None
+    ) -> list[float]:
+        """Note the sides that pass another part within the clearance of a fit; return the gaps.
+
+        Parameters
+        ----------
+        others_along
+            Direction in which the other part comes with play of its own beside this one, or None.
+            Its own sides keep the distance.
+        """
         room, box = _REACH_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
         # The way back, as far as it passes the other part.
         ahead = float((self._points @ along).max())
@@ -262,14 +303,23 @@ class _Hull:
         for normal, offset, points in self._list_sides(along) if not near.is_empty() else ():
             ends = np.concatenate([points - _BELOW_MM * normal, points + room * normal])
             front = manifold3d.Manifold.hull_points(np.concatenate([ends, ends + back]))
-            met = [piece for piece in (near ^ front).decompose() if piece.volume() > _LEAST_MM3]
+            met = [
+                piece.to_mesh64().vert_properties[:, :3]
+                for piece in (near ^ front).decompose()
+                if piece.volume() > _LEAST_MM3
+            ]
+            # What is only behind the side is in front of another one of a thin piece.
+            met = [shape for shape in met if float((shape @ normal).max()) > offset]
             if not met:
                 continue
-            corners = np.concatenate([piece.to_mesh64().vert_properties[:, :3] for piece in met])
+            corners = np.concatenate(met)
             gap = float((corners @ normal).min()) - offset
             key = (*normal.tolist(), offset)
-            self.sides[key] = min(gap, self.sides.get(key, gap))
-            gaps.append(gap)
+            has_play = others_along is not None and abs(normal @ others_along) < _SIDEWAYS
+            kept = max(gap, PLAY_M * _TO_MM) if has_play else gap
+            self.sides[key] = min(kept, self.sides.get(key, kept))
+            if not has_play:
+                gaps.append(gap)
         return gaps
 
     def _list_sides(self, along: Floats) -> list[tuple[Floats, float, Points]]:
@@ -304,7 +354,16 @@ class _Hull:
                 self._facets.append((normal, offset, facet))
         return self._facets
 
-    def cut(self, along: Floats) -> tuple[Points, NDArray[np.int64]] | None:
+    def is_backed(self, others: Sequence[_Hull]) -> bool:
+        """Return whether other pieces lie behind most of a piece at one of its noted sides."""
+        for x, y, z, _ in self.sides:
+            behind = self._solid.translate(tuple(-PLAY_M * _TO_MM * np.array([x, y, z])))
+            backing_mm3 = sum((behind ^ other._solid).volume() for other in others)
+            if backing_mm3 > _BACKED * behind.volume():
+                return True
+        return False
+
+    def cut(self, along: Floats) -> Mesh | None:
         """Return the piece with play and chamfers at its noted sides."""
         solid = self._solid
         heights = self._points @ along

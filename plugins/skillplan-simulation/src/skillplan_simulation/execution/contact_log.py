@@ -75,6 +75,39 @@ class Guides:
         return {name for name, length_m in self.lengths_m.items() if left_m < length_m + _CLOSE_M}
 
 
+@dataclass(frozen=True, slots=True)
+class DrivenHead:
+    """The head of a screw with the bit of its driver in it.
+
+    Contacts of a simulation are soft, so a low head sinks in below the end of the bit.
+
+    Parameters
+    ----------
+    screw, drivers
+        Names of the screw, and of the bodies that drive it.
+    tip_m, along
+        End of the bit when the screw touches, and direction in which the screw goes in.
+    radius_m, reach_m
+        Radius of the head, and greatest distance of its contacts from `tip_m` along the axis [m].
+    """
+
+    screw: str
+    drivers: frozenset[str]
+    tip_m: Vector
+    along: Vector
+    radius_m: float
+    reach_m: float
+
+    def name(self, body: str, place: Vector) -> str:
+        """Return the name of a body at a contact: that of the screw for the bit in its head."""
+        if body not in self.drivers:
+            return body
+        off = place - self.tip_m
+        ahead_m = dot(off, self.along)
+        aside_m = length(off - ahead_m * self.along)
+        return self.screw if abs(ahead_m) <= self.reach_m and aside_m <= self.radius_m else body
+
+
 class ContactLog:
     """Frames of one execution.
 
@@ -102,6 +135,8 @@ class ContactLog:
         self.resistance_n: list[float] = []
         # Stretches on which other bodies guide the handled part to its seat.
         self.guides: Guides | None = None
+        # Head of the screw that is being driven.
+        self.head: DrivenHead | None = None
         # Constraints that act like contacts, such as a suction cup's.
         self.cups: dict[str, int] = {}
         self.last_pairs: dict[Pair, float] = {}
@@ -233,15 +268,17 @@ class ContactLog:
         self._last_points = self.world.touches()
         for point in self._last_points:
             first, second, normal_n = point.first, point.second, point.normal_n
+            if self.head is not None:
+                first, second = (self.head.name(body, point.place) for body in (first, second))
             pair = (first, second) if first <= second else (second, first)
             pairs[pair] = pairs.get(pair, 0.0) + normal_n
             if forces is None:
                 continue
             force = point.force_n
-            if first in forces:
-                forces[first] += force
-            if second in forces:
-                forces[second] -= force
+            if point.first in forces:
+                forces[point.first] += force
+            if point.second in forces:
+                forces[point.second] -= force
         return pairs
 
     def _touch_sideways(self, pair: Pair) -> bool:

@@ -20,7 +20,7 @@ from skillplan.task.pose import DOWN, Pose, is_same_direction, plus
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
 from skillplan_pinocchio.kinematics.fixed_order import dot, times
-from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, Guides
+from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, DrivenHead, Guides
 from skillplan_simulation.execution.controlled_robot import ControlledRobot
 from skillplan_simulation.execution.fastenings import (
     Rearrangement,
@@ -103,6 +103,15 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     # The screw may touch anything; other contacts of the robot are unexpected.
     robot.log.free.add(screw)
     contact = np.array(motion.tip)
+    widths_m = [min(box.size[:2]) for box in robot.scene.body(screw).boxes]
+    robot.log.head = DrivenHead(
+        screw,
+        frozenset(robot.tools.robot_parts),
+        contact,
+        along,
+        max(widths_m) / 2,
+        settings.press_travel_m,
+    )
     depth = dot(along, arm.setpoint.position - contact)
     while depth < settings.press_travel_m and robot.log.pressing_n({screw}, through) < _FELT_N:
         depth += _FEEL_SPEED_M_PER_S * STEP_S
