@@ -5,9 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from skillplan.cli.writing import tell
 from skillplan.solvers.kernels import on_compilation
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.task.task import Task
 
 NOTICE = (
     "skillplan: compiling kernels, once on this machine: up to half a minute "
@@ -16,7 +20,7 @@ NOTICE = (
 
 
 def command() -> int:
-    """Compile the kernels of searches and learners ahead of their first use.
+    """Compile the kernels of searches, learners and pictures ahead of their first use.
 
     The compiled code is kept on this machine. It takes about a minute.
     """
@@ -50,6 +54,7 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], None]]]:
     yield "dynamic programming", _compile_dynamic_programming
     yield "tabular reinforcement learning", lambda: _solve({}, "q-learning", "monte-carlo")
     yield "plans by learned models", lambda: _solve({}, "learned-model")
+    yield "pictures of simulations", _draw_picture
 
 
 def _compile_dynamic_programming() -> None:
@@ -63,22 +68,40 @@ def _compile_dynamic_programming() -> None:
     compute_costs_to_go(np.array([0, 1, 1]), np.array([1]), np.array([False, True]))
 
 
+def _draw_picture() -> None:
+    """Have an installed engine draw a picture; all engines draw by the same kernels."""
+    from skillplan.physics.performance import Performer
+    from skillplan.pipeline import registry
+
+    task = _make_board({})
+    skill = next(skill for skill in task.skills if skill.applicable(task.initial))
+    for name in registry.names("physics"):
+        if issubclass(engine := registry.load("physics", name), Performer):
+            engine(task).picture(skill, task.initial)
+            return
+
+
 def _solve(changes: Mapping[str, str], *solvers: str) -> None:
     """Solve a small board, so that the kernels of the solvers are compiled."""
+    from skillplan.pipeline.solving import solve
+
+    task = _make_board(changes)
+    for solver in solvers:
+        solve(task, solver)
+
+
+def _make_board(changes: Mapping[str, str]) -> Task:
     import tempfile
     from pathlib import Path
 
     from skillplan.domains.assembly.board_generator import BoardGenerator
     from skillplan.pipeline.setup import load_problem
-    from skillplan.pipeline.solving import solve
 
     board = BoardGenerator(parts=4, density=0.5, tools=2, name="warm-up")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "board.yaml"
         path.write_text(board.text("any"), "utf-8")
-        task = load_problem(path, None, changes).task
-    for solver in solvers:
-        solve(task, solver)
+        return load_problem(path, None, changes).task
 
 
 @contextmanager
