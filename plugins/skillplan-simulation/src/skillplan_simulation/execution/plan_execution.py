@@ -321,8 +321,9 @@ def execute_plan(
         film = None
         if observers.frames_per_s and observers.show is not None:
             film = stack.enter_context(Film(observers.show))
-        execution = _PlanExecution(workcell, rules, world, arm, observers, film)
-        execution.keeps_going = keeps_going
+        execution = _PlanExecution(
+            workcell, rules, world, arm, observers, film, keeps_going=keeps_going
+        )
         return execution.play(skills, stopped)
 
 
@@ -345,8 +346,11 @@ class _PlanExecution:
         arm: Arm,
         observers: Observers,
         film: Film | None,
+        *,
+        keeps_going: bool,
     ) -> None:
         self.workcell, self.rules, self.world = workcell, rules, world
+        self.keeps_going = keeps_going
         self.film, self.note = film, observers.note
         self.task = workcell.task
         self.robot = self.task.scene.robots[0]
@@ -359,7 +363,6 @@ class _PlanExecution:
         self.waited = 0
         self.skill = ""
         self.step = 0
-        self.keeps_going = False
         # Parts that were taken away, with the skills that failed.
         self.taken_away: dict[str, str] = {}
         self.feeders = FeederClock()
