@@ -386,8 +386,7 @@ class TestRuns:
         assert ".py:NAME" in refusal
 
     @pytest.mark.parametrize(
-        ("name", "reason"),
-        [("Deaf", "made a Deaf without learn()"), ("beyond", "does not exist")],
+        ("name", "reason"), [("Deaf", "made a Deaf without learn()"), ("beyond", "does not exist")]
     )
     def test_a_learner_that_is_none_fails(self, cli, learner, in_this_process, name, reason):
         """The row states the reason."""

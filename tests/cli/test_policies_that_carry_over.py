@@ -20,11 +20,7 @@ def run(tmp_path):
 
 @pytest.mark.parametrize(
     "task",
-    [
-        "board",
-        "seven",
-        slow_case("motor", reason="a search of seconds; two boards in every run"),
-    ],
+    ["board", "seven", slow_case("motor", reason="a search of seconds; two boards in every run")],
 )
 def test_a_policy_is_tried_on_any_task(request, cli, run, task):
     """And held against the proved optimum, as a sequence is."""

@@ -6,12 +6,7 @@ import math
 
 import pytest
 
-from skillplan.collision import (
-    Solid,
-    decide_standing,
-    find_touches,
-    weigh,
-)
+from skillplan.collision import Solid, decide_standing, find_touches, weigh
 from skillplan.task import Box, Cylinder, Pose
 
 TABLE = Solid([Box((1, 1, 0.1), (0, 0, -0.05))], Pose((0, 0, 0)))

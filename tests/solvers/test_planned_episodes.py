@@ -73,8 +73,7 @@ class Run:
 
 
 @pytest.mark.parametrize(
-    ("config", "optimum"),
-    [("inverter_board", 1.86709), ("relay_rail", 4.66386)],
+    ("config", "optimum"), [("inverter_board", 1.86709), ("relay_rail", 4.66386)]
 )
 def test_they_find_the_optimum_and_then_see_nothing_better(config, optimum):
     run = Run(CONFIGS / f"{config}.yaml")

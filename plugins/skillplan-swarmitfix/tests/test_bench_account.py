@@ -181,10 +181,7 @@ class TestFleet:
         assert (
             summary.document["independent_bound_sum"],
             summary.document["independent_bound_max"],
-        ) == (
-            4,
-            2,
-        )
+        ) == (4, 2)
         assert summary.listings == ()
         assert summary.makespan_s is None
 

@@ -40,10 +40,7 @@ def program(text: str, name: str = "a.nc", unit: Any = "mm") -> FileContours:
 
 
 def drawing(
-    draw: Callable[[Drawing], Any],
-    units: int = 4,
-    edit: Callable[[str], str] = str,
-    **keys: Any,
+    draw: Callable[[Drawing], Any], units: int = 4, edit: Callable[[str], str] = str, **keys: Any
 ) -> FileContours:
     document = ezdxf.new("R2000", units=units)
     draw(document)

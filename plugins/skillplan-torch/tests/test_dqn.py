@@ -625,8 +625,7 @@ class TestOptions:
             learner(learner.Options(imitation=1.0)).derived([task])
 
     @pytest.mark.parametrize(
-        ("learner", "rule"),
-        [(DqnSolver, ("epsilon-greedy", 0.01)), (PpoSolver, ("softmax", 1.0))],
+        ("learner", "rule"), [(DqnSolver, ("epsilon-greedy", 0.01)), (PpoSolver, ("softmax", 1.0))]
     )
     def test_a_policy_acts_as_at_the_end_of_its_training(self, learner, rule):
         assert rule == (learner().own_rule.kind, learner().own_rule.value)

@@ -392,12 +392,7 @@ class _Recheck:
     is_needed = True
 
     def __init__(
-        self,
-        task: Task,
-        number: int,
-        kept: KeptVerdict,
-        state: State,
-        on_trial: Callable[[], None],
+        self, task: Task, number: int, kept: KeptVerdict, state: State, on_trial: Callable[[], None]
     ) -> None:
         record = kept.record
         self.kept = kept

@@ -10,14 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from skillplan.checks.feasibility import Ask, Link
-from skillplan.checks.single_check import (
-    Checked,
-    CheckRequest,
-    Recipe,
-    check,
-    construct,
-    introduce,
-)
+from skillplan.checks.single_check import Checked, CheckRequest, Recipe, check, construct, introduce
 from skillplan.checks.variants import map_queried_skills
 from skillplan.errors import BackEndError
 from skillplan.plugins.blame import format_traceback
@@ -334,11 +327,7 @@ class CheckWorkers:
     """
 
     def __init__(
-        self,
-        task: Task,
-        back_ends: Sequence[BackEnd],
-        jobs: int,
-        executor: Executor | None = None,
+        self, task: Task, back_ends: Sequence[BackEnd], jobs: int, executor: Executor | None = None
     ) -> None:
         self.task = task
         self._executor = LocalProcesses(jobs) if executor is None else executor

@@ -18,13 +18,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from skillplan import __version__
-from skillplan.cli.command_group import (
-    MARKUP,
-    SETTINGS,
-    CommandGroup,
-    hide_type,
-    make_from_module,
-)
+from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, hide_type, make_from_module
 from skillplan.cli.commands.warm_up import announce_compilation
 from skillplan.cli.error_report import report_bug, report_error, report_usage
 from skillplan.cli.writing import restore_stdout, tell, write_out

@@ -197,11 +197,7 @@ class Deadline:
     """
 
     def __init__(
-        self,
-        time_limit_s: float | None,
-        memory_limit_bytes: int | None = None,
-        *,
-        graceful: bool,
+        self, time_limit_s: float | None, memory_limit_bytes: int | None = None, *, graceful: bool
     ) -> None:
         if memory_limit_bytes is not None and measure_resident_bytes() is None:
             raise OptionError(

@@ -215,11 +215,7 @@ class Reporter:
         return build_plan_chapter(given_plan, name)
 
     def _perform(
-        self,
-        task: Task,
-        setup: Setup,
-        document: Mapping[str, Any],
-        ways: tuple[str | None, ...],
+        self, task: Task, setup: Setup, document: Mapping[str, Any], ways: tuple[str | None, ...]
     ) -> Performed | PlannedMotion | str:
         """Return the performed plan, or else the planned motion, or else the reason in words."""
         plan = [str(step["skill"]) for step in document.get("steps") or ()]

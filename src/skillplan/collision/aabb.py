@@ -334,8 +334,7 @@ class AabbDetector(Detector):
             description="overlap and gap that still count as touching [m]",
         )
         check_support: bool = Field(
-            default=True,
-            description="require a support below placed or fastened bodies [-]",
+            default=True, description="require a support below placed or fastened bodies [-]"
         )
 
     options: Options

@@ -29,8 +29,7 @@ class PrecedenceDetector(Detector):
         """Options of the chart."""
 
         hold_back_picks: bool = Field(
-            default=False,
-            description="forbid picking a part up before it may be placed [-]",
+            default=False, description="forbid picking a part up before it may be placed [-]"
         )
 
     options: Options

@@ -16,13 +16,7 @@ from pydantic import Field
 
 from skillplan.collision.detector import Detector
 from skillplan.collision.solid import TOUCH_M, Solid
-from skillplan.collision.standing import (
-    Touch,
-    Weight,
-    decide_standing,
-    find_touches,
-    weigh,
-)
+from skillplan.collision.standing import Touch, Weight, decide_standing, find_touches, weigh
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.pose import Pose

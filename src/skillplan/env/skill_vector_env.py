@@ -13,13 +13,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from skillplan.env.observation import (
-    MaskKind,
-    Observation,
-    RewardFunction,
-    check_name,
-    read_start,
-)
+from skillplan.env.observation import MaskKind, Observation, RewardFunction, check_name, read_start
 from skillplan.env.rendering import (
     FRAMES_PER_S,
     Frame,
@@ -79,10 +73,7 @@ class PlaceRecord:
             generator = np.random.Generator(np.random.PCG64())
             generator.bit_generator.state = {
                 "bit_generator": "PCG64",
-                "state": {
-                    "state": int(numbers["state"], 16),
-                    "inc": int(numbers["increment"], 16),
-                },
+                "state": {"state": int(numbers["state"], 16), "inc": int(numbers["increment"], 16)},
                 "has_uint32": int(numbers["half_left"]),
                 "uinteger": int(numbers["half"]),
             }
@@ -229,10 +220,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         self._last: tuple[NDArray[np.int64], NDArray[np.int8]] | None = None
 
     def reset(
-        self,
-        *,
-        seed: int | Sequence[int] | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Features, Infos]:
         """Start an episode in every sub-environment.
 

@@ -53,10 +53,7 @@ class RefusedFile(OSError):
 
 
 def read_bytes(
-    path: str | os.PathLike[str],
-    most_bytes: int,
-    *,
-    within: str | os.PathLike[str] | None = None,
+    path: str | os.PathLike[str], most_bytes: int, *, within: str | os.PathLike[str] | None = None
 ) -> bytes:
     """Return the content of a regular file.
 
@@ -95,10 +92,7 @@ def read_rest(file: FileIO, path: str | os.PathLike[str], most_bytes: int) -> by
 
 
 def open_regular(
-    path: str | os.PathLike[str],
-    flags: int,
-    *,
-    within: str | os.PathLike[str] | None = None,
+    path: str | os.PathLike[str], flags: int, *, within: str | os.PathLike[str] | None = None
 ) -> int:
     """Return the descriptor of a regular file.
 

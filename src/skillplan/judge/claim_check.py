@@ -19,12 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skillplan.domains.domain import Domain
-from skillplan.errors import (
-    ModelTooLarge,
-    NotASequencing,
-    OptionError,
-    SearchStopped,
-)
+from skillplan.errors import ModelTooLarge, NotASequencing, OptionError, SearchStopped
 from skillplan.model.policy_value import PolicyValue
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel, Transition
@@ -134,9 +129,7 @@ def find_least_cost_of_orders(
 
 
 def find_least_cost_of_states(
-    model: SkillModel,
-    over: Callable[[], bool] = lambda: False,
-    most_states: int = MOST_STATES,
+    model: SkillModel, over: Callable[[], bool] = lambda: False, most_states: int = MOST_STATES
 ) -> LeastCost:
     """Return the least cost of a plan within the step limit, state by state in order of cost.
 
@@ -420,10 +413,7 @@ def _check_status(status: Status, cost: float | None, bound: float | None) -> Cl
 
 
 def _check_plan(
-    stored: StoredClaims,
-    walked: Replay | None,
-    model: SkillModel,
-    expected: PolicyValue | None,
+    stored: StoredClaims, walked: Replay | None, model: SkillModel, expected: PolicyValue | None
 ) -> Iterator[Claim]:
     task = model.task
     if walked is None:

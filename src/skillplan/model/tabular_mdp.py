@@ -72,10 +72,7 @@ class TabularMDP:
 
     @classmethod
     def from_model(
-        cls,
-        model: SkillModel,
-        limit: int = DEFAULT_LIMIT,
-        stop: Callable[[], bool] | None = None,
+        cls, model: SkillModel, limit: int = DEFAULT_LIMIT, stop: Callable[[], bool] | None = None
     ) -> TabularMDP:
         """Return the arrays of all states that feasible skills reach.
 

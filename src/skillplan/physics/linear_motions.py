@@ -16,26 +16,8 @@ from typing import Final
 from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.task.motion import AXES, Event, Point, Visit
-from skillplan.task.pose import (
-    DOWN,
-    Pose,
-    Quaternion,
-    cross,
-    dot,
-    is_same_direction,
-    plus,
-    unit,
-)
-from skillplan.task.scene import (
-    Body,
-    Grasp,
-    GraspKind,
-    Robot,
-    Scene,
-    Shank,
-    Tool,
-    ToolKind,
-)
+from skillplan.task.pose import DOWN, Pose, Quaternion, cross, dot, is_same_direction, plus, unit
+from skillplan.task.scene import Body, Grasp, GraspKind, Robot, Scene, Shank, Tool, ToolKind
 from skillplan.task.shape import Box, Cylinder, Shape
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -417,12 +399,7 @@ def _choose_drop_m(scene: Scene, visit: Visit, drop_height_m: float) -> float:
 
 
 def _plan_stretches(
-    visit: Visit,
-    grasp: Grasp | None,
-    body: Body | None,
-    tip: Point,
-    points: Point,
-    closing: Point,
+    visit: Visit, grasp: Grasp | None, body: Body | None, tip: Point, points: Point, closing: Point
 ) -> tuple[tuple[Point, ...], tuple[Point, ...]]:
     """Return the stretches of the tip before and after the act [m], both starting at `tip`.
 

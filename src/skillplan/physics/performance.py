@@ -88,11 +88,7 @@ class Angle:
         return right, up, back
 
 
-NAMED = {
-    "front": Angle(90.0, 22.0),
-    "side": Angle(0.0, 22.0),
-    "top": Angle(90.0, 89.0),
-}
+NAMED = {"front": Angle(90.0, 22.0), "side": Angle(0.0, 22.0), "top": Angle(90.0, 89.0)}
 
 
 @dataclass(frozen=True, slots=True)

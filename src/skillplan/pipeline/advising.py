@@ -343,12 +343,7 @@ def _take_turns(
 
 
 def _solve_changed(
-    problem: Problem,
-    changes: Mapping[str, str],
-    solver: str,
-    setup: Setup,
-    stop: Stop,
-    jobs: int,
+    problem: Problem, changes: Mapping[str, str], solver: str, setup: Setup, stop: Stop, jobs: int
 ) -> Result | None:
     """Return the result of a changed file, or None if its checks or a back end refuse it."""
     stop.renew()

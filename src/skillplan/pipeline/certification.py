@@ -45,11 +45,7 @@ from skillplan.pipeline.solving import make_model
 from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
 from skillplan.records.result import Origin, Status, tolerance
 from skillplan.records.stored.policy_file import read_policy
-from skillplan.records.stored.result_file import (
-    StoredPart,
-    StoredResult,
-    read_with_document,
-)
+from skillplan.records.stored.result_file import StoredPart, StoredResult, read_with_document
 from skillplan.records.stored.result_folder import POLICIES, find_file_beside
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task

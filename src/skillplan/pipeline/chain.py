@@ -185,10 +185,7 @@ class Chain:
         if by_rule is not None:
             back_ends = self._back_ends(task)
             outcome = SearchOutcome(
-                by_rule,
-                solver="rule",
-                back_ends=back_ends,
-                not_checked=list_not_checked(back_ends),
+                by_rule, solver="rule", back_ends=back_ends, not_checked=list_not_checked(back_ends)
             )
             return self._judge(task, outcome)
         key = policy_key(task)

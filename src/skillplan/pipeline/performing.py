@@ -269,18 +269,12 @@ def plan_motion(
         return str(error)
     except BaseException as error:
         blame(
-            error,
-            type(plans),
-            lambda words: f"Back end {SCREEN!r} failed: {words}",
-            BackEndError,
+            error, type(plans), lambda words: f"Back end {SCREEN!r} failed: {words}", BackEndError
         )
 
 
 def plan_times(
-    task: Task,
-    skills: Sequence[Skill],
-    timed_by: str,
-    options: Mapping[str, Mapping[str, Any]],
+    task: Task, skills: Sequence[Skill], timed_by: str, options: Mapping[str, Mapping[str, Any]]
 ) -> PlannedTimes | None:
     """Return the planned durations of the skills of a plan; None if an engine planned them.
 

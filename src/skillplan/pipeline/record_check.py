@@ -453,10 +453,7 @@ class RecordCheck:
         self._stop = stop
 
     def claims(
-        self,
-        document: Mapping[str, Any],
-        replayed: Mapping[str, Replayed],
-        tables: SavedTables,
+        self, document: Mapping[str, Any], replayed: Mapping[str, Replayed], tables: SavedTables
     ) -> Iterator[Claim]:
         """Yield a claim for the document, and one for each file in its folder.
 

@@ -17,13 +17,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from skillplan.checks.audit import (
-    DrawnVerdict,
-    SampleSize,
-    VerdictSample,
-    draw_reused,
-    draw_sample,
-)
+from skillplan.checks.audit import DrawnVerdict, SampleSize, VerdictSample, draw_reused, draw_sample
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import Recipe, construct
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache

@@ -243,11 +243,7 @@ def _map_choices(task: Task) -> dict[str, BackEndChoice]:
 
 
 def _make_back_end(
-    kind: str,
-    name: str,
-    values: Mapping[str, Any],
-    task: Task,
-    spare: list[BackEnd] | None = None,
+    kind: str, name: str, values: Mapping[str, Any], task: Task, spare: list[BackEnd] | None = None
 ) -> tuple[BackEnd, str | None]:
     """Return a back end for a task, a `spare` one if it fits, and the reason why it refuses."""
     plugin = registry.load(kind, name)

@@ -653,10 +653,7 @@ def describe_failure(request: SearchRequest, error: SkillplanError) -> Result:
     """Return the result of a solver that failed, or met a back end that did."""
     back_end_failed = isinstance(error, BackEndError)
     return replace(
-        describe(request),
-        status=Status.FAILED,
-        reason=str(error),
-        back_end_failed=back_end_failed,
+        describe(request), status=Status.FAILED, reason=str(error), back_end_failed=back_end_failed
     )
 
 

@@ -13,13 +13,7 @@ from skillplan.records.result import Origin, Result, Status, tolerance
 from skillplan.solvers.solution import relative_gap
 from skillplan.task.task import Task
 
-_WEAKEST_FIRST = (
-    Status.FAILED,
-    Status.WRONG,
-    Status.REFUSED,
-    Status.INFEASIBLE,
-    Status.UNSOLVED,
-)
+_WEAKEST_FIRST = (Status.FAILED, Status.WRONG, Status.REFUSED, Status.INFEASIBLE, Status.UNSOLVED)
 
 
 @dataclass(frozen=True)
@@ -52,10 +46,7 @@ class ChainPart:
         """The places of start and goal."""
         first = [place.name for place in self.task.places_in(self.task.initial)]
         last = [place.name for place in self.task.places_in(self.task.goal.requires)]
-        return (
-            first[0] if len(first) == 1 else None,
-            last[0] if len(last) == 1 else None,
-        )
+        return (first[0] if len(first) == 1 else None, last[0] if len(last) == 1 else None)
 
     @property
     def keeps_policy(self) -> bool:

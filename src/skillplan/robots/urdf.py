@@ -512,10 +512,7 @@ class Notes:
     def sentences(self) -> tuple[str, ...]:
         """Return one clause for each assumption."""
         texts = (
-            (
-                self.visual,
-                "no <collision> of {}: the <visual> shapes are used",
-            ),
+            (self.visual, "no <collision> of {}: the <visual> shapes are used"),
             (self.unread, "unreadable <visual> meshes of {}: no shape"),
             (self.empty, "no volume in a shape of {}: left out"),
             (
@@ -1195,10 +1192,7 @@ def _couple(
         own = coupled[leader]
         ends = sorted(factor * limit + offset for limit in (own.low_rad, own.high_rad))
         coupled[number] = replace(
-            joints[number],
-            low_rad=ends[0],
-            high_rad=ends[1],
-            follows=(leader, factor, offset),
+            joints[number], low_rad=ends[0], high_rad=ends[1], follows=(leader, factor, offset)
         )
     return coupled
 

@@ -218,11 +218,7 @@ def space_evenly(name: str, text: str) -> tuple[float, ...]:
 
 
 def check_values(
-    solver: str,
-    plugin: type[Any],
-    single: Mapping[str, Any],
-    name: str,
-    values: Sequence[Any],
+    solver: str, plugin: type[Any], single: Mapping[str, Any], name: str, values: Sequence[Any]
 ) -> tuple[Value, ...]:
     """Return distinct values of an option as JSON values, each checked with the single ones.
 

@@ -99,8 +99,7 @@ class CaseCost:
         if known:
             return self.values.get(known, math.inf)
         return min(
-            (value for bit, value in self.values.items() if not bit & false_bits),
-            default=math.inf,
+            (value for bit, value in self.values.items() if not bit & false_bits), default=math.inf
         )
 
 

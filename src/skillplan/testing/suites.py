@@ -73,11 +73,7 @@ class SolverSuite:
         stop = Stop()
         stop.interrupt()
         result = solve(lid_task(), self.solver, self._setup(), stop=stop)
-        assert result.status in (
-            Status.OPTIMAL,
-            Status.SOLVED,
-            Status.UNSOLVED,
-        ), result.reason
+        assert result.status in (Status.OPTIMAL, Status.SOLVED, Status.UNSOLVED), result.reason
 
     def test_it_refuses_in_words_or_not_at_all(self) -> None:
         """The refusal is a sentence."""

@@ -73,10 +73,7 @@ def lid_content() -> dict[str, Any]:
         "kind": "assembly",
         "name": "lid",
         "robot": {"home_m": [0.3, 0.0], "safe_height_m": 0.15},
-        "tools": {
-            "gripper": {"holder_m": [0.6, 0.2]},
-            "screwdriver": {"holder_m": [0.6, 0.2]},
-        },
+        "tools": {"gripper": {"holder_m": [0.6, 0.2]}, "screwdriver": {"holder_m": [0.6, 0.2]}},
         "initial_tool": "gripper",
         "parts": {
             "box": {

@@ -22,13 +22,7 @@ from typing import Literal
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.errors import (
-    BackEndError,
-    OptionError,
-    PluginError,
-    SearchStopped,
-    SkillplanError,
-)
+from skillplan.errors import BackEndError, OptionError, PluginError, SearchStopped, SkillplanError
 from skillplan.files.folder import FolderLock, make_folder
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.registry import load
@@ -373,9 +367,7 @@ class GroupTraining:
 
 
 def serve(
-    job: GroupJob,
-    cache: VerdictCache | None = None,
-    overdue: Callable[[], bool] | None = None,
+    job: GroupJob, cache: VerdictCache | None = None, overdue: Callable[[], bool] | None = None
 ) -> Callable[[Order], GroupAnswer]:
     """Return a function that carries out orders for a group.
 

@@ -19,12 +19,7 @@ from typing import Any
 import skillplan
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import (
-    is_unfinished,
-    remove_unfinished,
-    write_as_one,
-    write_whole,
-)
+from skillplan.files.atomic_file import is_unfinished, remove_unfinished, write_as_one, write_whole
 from skillplan.files.folder import HeldFolder
 from skillplan.files.json_file import format_document
 from skillplan.files.regular_file import read_bytes

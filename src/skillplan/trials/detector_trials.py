@@ -275,9 +275,7 @@ def _query(
 
 
 def _choose_faults(
-    legitimate: Sequence[Trial],
-    inject: Callable[[Task, Skill, State], Iterator[Trial]],
-    most: int,
+    legitimate: Sequence[Trial], inject: Callable[[Task, Skill, State], Iterator[Trial]], most: int
 ) -> Iterator[Trial]:
     """Yield injected faults of all kinds in turn, and within a kind of all skills in turn."""
     by_kind: dict[str, dict[str, list[Trial]]] = {}

@@ -72,9 +72,7 @@ def get_command_age_s() -> float:
 
 
 def limit_command(
-    time_limit_s: float | None = None,
-    memory_limit_bytes: int | None = None,
-    grace_s: float = 0.0,
+    time_limit_s: float | None = None, memory_limit_bytes: int | None = None, grace_s: float = 0.0
 ) -> None:
     """Limit time and memory of the whole command.
 

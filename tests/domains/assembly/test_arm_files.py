@@ -228,10 +228,7 @@ def test_xacro_is_expanded(tmp_path):
         ('<a b="${9**9**9**9}"/>', "a power without bound"),
         ('<a b="$(env HOME)"/>', "reads the environment variable 'HOME'"),
         ('<a b="$(arg arm_type)"/>', "robot.xacro_args: {arm_type: ...}"),
-        (
-            '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>',
-            "call themselves without end",
-        ),
+        ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', "call themselves without end"),
         ('<a b="${nothing}"/>', "name 'nothing' is not defined"),
     ],
 )

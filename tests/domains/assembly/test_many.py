@@ -17,12 +17,7 @@ from skillplan.solvers import ExactSolver
 from skillplan.task import WORLD
 
 BOXES = Setup(collision=("aabb",))
-BOARD = {
-    "tool": "cup",
-    "size_m": [0.24, 0.16, 0.01],
-    "start_m": [0.5, 0.35],
-    "goal_m": [0.5, 0.05],
-}
+BOARD = {"tool": "cup", "size_m": [0.24, 0.16, 0.01], "start_m": [0.5, 0.35], "goal_m": [0.5, 0.05]}
 CLIP = {
     "count": 6,
     "tool": "cup",

@@ -137,12 +137,7 @@ def test_a_unit_may_be_part_of_another():
         ),
         ({"unit": {"made_of": ["base", "bolt"]}}, {}, "parts.unit.made_of.1", "not part of 'unit'"),
         ({"cap": {"optional": True}}, {}, "parts.unit.made_of.1", "optional"),
-        (
-            {"lid": {**LID, "goal_on": "base"}},
-            {},
-            "parts.lid.goal_on.0",
-            "goes away with 'unit'",
-        ),
+        ({"lid": {**LID, "goal_on": "base"}}, {}, "parts.lid.goal_on.0", "goes away with 'unit'"),
         ({}, {"family": {"start_shift_m": 0.01}}, "family", "sub-assemblies"),
         (
             {"unit": {"made_of": ["base", "cap"]}},

@@ -51,10 +51,7 @@ class OptunaSampler(Sampler):
             description="tpe: by densities of good and other settings; random: independent draws",
         )
         startup: int = Field(
-            default=10,
-            ge=1,
-            le=100_000,
-            description="random trials before tpe starts [-]",
+            default=10, ge=1, le=100_000, description="random trials before tpe starts [-]"
         )
 
     options: Options

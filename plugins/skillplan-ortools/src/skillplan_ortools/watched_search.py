@@ -149,10 +149,7 @@ class WatchedSearch:
             self._solver.stop_search()
 
     def _outcome(
-        self,
-        order: tuple[int, ...] | None,
-        bound: float | None,
-        on_bound: Callable[[float], None],
+        self, order: tuple[int, ...] | None, bound: float | None, on_bound: Callable[[float], None]
     ) -> SearchOutcome:
         solver = self._solver
         if self._status == cp_model.MODEL_INVALID:

@@ -42,8 +42,7 @@ class ContactForceDetector(ContactDetector):
             description="mean absolute net contact force along an axis that is a collision [N]",
         )
         weight_compensated: bool = Field(
-            default=True,
-            description="subtract the upward force that a part's weight explains [-]",
+            default=True, description="subtract the upward force that a part's weight explains [-]"
         )
 
     options: Options

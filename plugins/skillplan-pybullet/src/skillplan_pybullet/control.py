@@ -17,11 +17,7 @@ from numpy.typing import NDArray
 
 from skillplan.task.pose import Pose
 from skillplan_pybullet.robot_file import TIP_LINK, RobotFile
-from skillplan_simulation.kinematics import (
-    TipPose,
-    compute_rotation_error,
-    resolve_acceleration,
-)
+from skillplan_simulation.kinematics import TipPose, compute_rotation_error, resolve_acceleration
 from skillplan_simulation.motions import JointRates, Setpoint
 
 Vector = NDArray[np.float64]

@@ -156,10 +156,7 @@ def _compute_box_inertia(
 
 
 def _add_link(
-    root: ElementTree.Element,
-    name: str,
-    inertia: LinkInertia | None,
-    pieces: Sequence[Piece],
+    root: ElementTree.Element, name: str, inertia: LinkInertia | None, pieces: Sequence[Piece]
 ) -> None:
     link = ElementTree.SubElement(root, "link", name=name)
     if inertia is not None:

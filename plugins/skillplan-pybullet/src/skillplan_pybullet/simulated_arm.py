@@ -23,20 +23,10 @@ from skillplan_pybullet.quiet_output import quiet_output
 from skillplan_pybullet.robot_file import RobotFile, write_robot_file
 from skillplan_pybullet.world import World
 from skillplan_simulation.execution_settings import ExecutionSettings
-from skillplan_simulation.kinematics import (
-    TipPose,
-    is_balanced,
-    points_down,
-)
+from skillplan_simulation.kinematics import TipPose, is_balanced, points_down
 from skillplan_simulation.motions import Setpoint
 from skillplan_simulation.robot_shapes import get_hand
-from skillplan_simulation.simulator import (
-    FINGERS,
-    GRAVITY_M_PER_S2,
-    HAND,
-    ROBOT,
-    Arm,
-)
+from skillplan_simulation.simulator import FINGERS, GRAVITY_M_PER_S2, HAND, ROBOT, Arm
 from skillplan_simulation.static_friction import StaticFriction
 
 
@@ -71,11 +61,7 @@ class SimulatedArm(Arm):
     """
 
     def __init__(
-        self,
-        world: World,
-        robot: Robot,
-        settings: SimulationSettings,
-        hand: Hand | None = None,
+        self, world: World, robot: Robot, settings: SimulationSettings, hand: Hand | None = None
     ) -> None:
         super().__init__(robot)
         self.world, self.settings = world, settings

@@ -16,12 +16,7 @@ from rosbags.typesys.store import Typestore
 
 from skillplan.exporters.exporter import Exporter, Handover, quote, refuse_chance
 from skillplan.task import back_end
-from skillplan_ros2.skill_trajectory import (
-    Array,
-    SkillTrajectory,
-    WorkholderTurn,
-    split_seconds,
-)
+from skillplan_ros2.skill_trajectory import Array, SkillTrajectory, WorkholderTurn, split_seconds
 from skillplan_ros2.timed_paths import NoTrajectory, TimedPlan, time_plan
 
 TRAJECTORY_TYPE: Final = "trajectory_msgs/msg/JointTrajectory"

@@ -29,13 +29,7 @@ from skillplan_swarmitfix.base.goals_task import goal_of, goals_task
 from skillplan_swarmitfix.base.locomotion import BaseGrounding
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.fleet.task import fleet_task
-from skillplan_swarmitfix.heads.heads import (
-    Head,
-    HeadRules,
-    even_heads,
-    path_between,
-    vertex_heads,
-)
+from skillplan_swarmitfix.heads.heads import Head, HeadRules, even_heads, path_between, vertex_heads
 from skillplan_swarmitfix.heads.task import (
     Holdable,
     fewest,
@@ -44,12 +38,7 @@ from skillplan_swarmitfix.heads.task import (
     heads_of,
     segment_fault,
 )
-from skillplan_swarmitfix.machine_settings import (
-    bench_of,
-    limits_of,
-    mount_of,
-    timings_of,
-)
+from skillplan_swarmitfix.machine_settings import bench_of, limits_of, mount_of, timings_of
 from skillplan_swarmitfix.pkm.kinematics import PkmGeometry
 from skillplan_swarmitfix.pkm.reach import (
     Mount,

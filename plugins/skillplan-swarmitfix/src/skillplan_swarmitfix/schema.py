@@ -302,11 +302,7 @@ class SwarmitfixConfig(Strict):
 
     @model_validator(mode="after")
     def _one_job(self) -> SwarmitfixConfig:
-        jobs = {
-            "trajectory": self.trajectory,
-            "base.goals": self.base.goals,
-            "robots": self.robots,
-        }
+        jobs = {"trajectory": self.trajectory, "base.goals": self.base.goals, "robots": self.robots}
         given = [key for key, job in jobs.items() if job is not None]
         if not given:
             raise ValueError("has no job: give a trajectory, base.goals, or robots.")

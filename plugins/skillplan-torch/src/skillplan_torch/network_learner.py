@@ -29,8 +29,7 @@ from skillplan.task.task import Task
 from skillplan_torch.networks import BLOCK
 
 Width = Annotated[
-    int,
-    Field(ge=BLOCK, le=8_192, multiple_of=BLOCK, description="units of a hidden layer [-]"),
+    int, Field(ge=BLOCK, le=8_192, multiple_of=BLOCK, description="units of a hidden layer [-]")
 ]
 Layers = Annotated[int, Field(ge=0, le=8, description="hidden layers [-]")]
 FinalLearningRate = Annotated[
@@ -224,10 +223,7 @@ class RewardScaling:
         return cls(rewards.complete, late, per_cost, counts_last, typical)
 
     def of_steps(
-        self,
-        rewards: NDArray[np.float64],
-        costs: NDArray[np.float64],
-        ends: NDArray[np.int8],
+        self, rewards: NDArray[np.float64], costs: NDArray[np.float64], ends: NDArray[np.int8]
     ) -> NDArray[np.float64]:
         """Return the rewards of steps for their costs, 0 for failures; all of shape (n,)."""
         last = self.per_cost * costs

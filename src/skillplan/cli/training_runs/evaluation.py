@@ -18,15 +18,8 @@ from skillplan.errors import exit_code
 from skillplan.pipeline.restoration import is_near, unquoted
 from skillplan.pipeline.setup import CHART, Setup
 from skillplan.pipeline.solving import make_model
-from skillplan.records.training.method_comparison import (
-    compare_methods,
-    make_trainings_document,
-)
-from skillplan.records.training.result import (
-    LayoutsResult,
-    Sampling,
-    TrainingResult,
-)
+from skillplan.records.training.method_comparison import compare_methods, make_trainings_document
+from skillplan.records.training.result import LayoutsResult, Sampling, TrainingResult
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
@@ -37,11 +30,7 @@ from skillplan.training.evaluation import (
     evaluate_layouts,
 )
 from skillplan.training.policies import prove_optimum
-from skillplan.views.tables.training import (
-    tabulate_methods,
-    tabulate_training,
-    tabulate_trainings,
-)
+from skillplan.views.tables.training import tabulate_methods, tabulate_training, tabulate_trainings
 
 if TYPE_CHECKING:
     from skillplan.cli.commands.evaluate import RollOuts

@@ -260,9 +260,7 @@ def _list_places(
         yield path, point, lift_m, abs(spare_m)
 
 
-def _list_work_places(
-    config: AssemblyConfig,
-) -> Iterator[tuple[tuple[str | int, ...], Point]]:
+def _list_work_places(config: AssemblyConfig) -> Iterator[tuple[tuple[str | int, ...], Point]]:
     """Yield the points of works on known parts."""
     for name, work in config.works.items():
         if work.part in config.parts and work.tool in config.tools:
@@ -342,9 +340,7 @@ def _falls_in(config: AssemblyConfig, screw: ScrewConfig) -> bool:
 
 
 def _bears_head(
-    screw: ScrewConfig,
-    rise_m: Callable[[float, float], float],
-    shares: Sequence[float] = _BEARING,
+    screw: ScrewConfig, rise_m: Callable[[float, float], float], shares: Sequence[float] = _BEARING
 ) -> bool:
     """Return True if a head rests on the part, and its rim nowhere enters it.
 

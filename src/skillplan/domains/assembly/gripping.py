@@ -17,11 +17,7 @@ from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig
-from skillplan.domains.assembly.tool_schema import (
-    ACCELERATION_M_PER_S2,
-    SAFETY_FACTOR,
-    ToolConfig,
-)
+from skillplan.domains.assembly.tool_schema import ACCELERATION_M_PER_S2, SAFETY_FACTOR, ToolConfig
 from skillplan.domains.assembly.workholding import list_goal_poses
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import grasp_boxes

@@ -47,8 +47,7 @@ class PatternConfig(Strict):
         "to go the other way"
     )
     step_m: Planar = Field(
-        [0.0, 0.0],
-        description="shift of each level against the one below, x y: a stepped rack [m]",
+        [0.0, 0.0], description="shift of each level against the one below, x y: a stepped rack [m]"
     )
     yaw_rad: Angle = Field(0.0, description="rotation of the grid about its first place [rad]")
 
@@ -86,11 +85,7 @@ class PatternConfig(Strict):
         y_m = row * self.pitch_m[1] + level * self.step_m[1]
         z_m = level * self.pitch_m[2] if len(self.pitch_m) > 2 else 0.0
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return (
-            round(cos * x_m - sin * y_m, 9),
-            round(sin * x_m + cos * y_m, 9),
-            round(z_m, 9),
-        )
+        return (round(cos * x_m - sin * y_m, 9), round(sin * x_m + cos * y_m, 9), round(z_m, 9))
 
 
 class TrayConfig(Strict):

@@ -27,13 +27,7 @@ from skillplan.domains.assembly.schema_types import (
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continue_sentence, shown
 from skillplan.robots.arm_description import ArmDescription, Hand
-from skillplan.robots.catalogue import (
-    ARMS,
-    DEFAULT_ARM,
-    DEFAULT_HAND,
-    DEFAULT_MODEL,
-    STANDARD_HAND,
-)
+from skillplan.robots.catalogue import ARMS, DEFAULT_ARM, DEFAULT_HAND, DEFAULT_MODEL, STANDARD_HAND
 from skillplan.task.pose import Point, Pose, Quaternion
 
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
@@ -117,12 +111,7 @@ class RobotConfig(Strict):
         folder = Path((info.context or {}).get("folder", Path()))
         try:
             robot._arm, robot._sha256 = read_arm(
-                folder,
-                robot.model,
-                robot.tip,
-                robot.home_rad,
-                robot.packages,
-                robot.xacro_args,
+                folder, robot.model, robot.tip, robot.home_rad, robot.packages, robot.xacro_args
             )
         except ArmFileError as error:
             words = str(error)

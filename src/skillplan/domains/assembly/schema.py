@@ -157,8 +157,7 @@ class FamilyConfig(Strict):
         "others [m]; pairs that are closer in the file come no closer",
     )
     goal_shift_m: Shift = Field(
-        0.0,
-        description="the most that all goals and holes together are moved in x and in y [m]",
+        0.0, description="the most that all goals and holes together are moved in x and in y [m]"
     )
 
     @model_validator(mode="after")

@@ -24,12 +24,7 @@ from skillplan.domains.assembly.schema_types import (
 )
 from skillplan.domains.assembly.tool_models import TOOLS, ToolFileError, read_tool_model
 from skillplan.domains.domain import Name, Strict
-from skillplan.files.schema_errors import (
-    Located,
-    continue_sentence,
-    list_schema_issues,
-    shown,
-)
+from skillplan.files.schema_errors import Located, continue_sentence, list_schema_issues, shown
 from skillplan.robots.arm_description import Hand, JawProfile
 from skillplan.task.motion import AXES
 from skillplan.task.pose import Point, Pose, plus
@@ -65,8 +60,7 @@ class ToolConfig(Strict):
         "folder of it; the keys given here come first; left out: none",
     )
     type: Literal["gripper", "suction", "screwdriver", "press", "dispenser"] | None = Field(
-        None,
-        description="its type; left out: screwdriver if it only drives screws, else gripper",
+        None, description="its type; left out: screwdriver if it only drives screws, else gripper"
     )
     opening_m: Length | None = Field(
         None,

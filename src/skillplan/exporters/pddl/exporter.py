@@ -447,8 +447,7 @@ class PddlExporter(Exporter):
             "micrometres or microseconds [-]",
         )
         count_steps: bool = Field(
-            default=False,
-            description="include the step limit; planners take longer [-]",
+            default=False, description="include the step limit; planners take longer [-]"
         )
 
     options: Options

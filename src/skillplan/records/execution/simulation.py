@@ -47,10 +47,7 @@ def trace_file(
     OptionError
         If it cannot be written.
     """
-    with (
-        report_write_errors(option, path),
-        replace_file(path) as file,
-    ):
+    with report_write_errors(option, path), replace_file(path) as file:
         text = io.TextIOWrapper(file, "utf-8", newline="")
         trace = _Trace(csv.writer(text, lineterminator="\n"), bodies)
 

@@ -16,10 +16,7 @@ RELATION_FILE, REPORT_FILE = "relation.json", "report.json"
 _REMEDY = "Write it anew with `skillplan import-cad`"
 _M_PER_MM = 1e-3
 _MOST_BYTES = 64 * 1024 * 1024
-_FRAME_OF_FILE: dict[str, Any] = {
-    "turn": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-    "offset_mm": [0, 0, 0],
-}
+_FRAME_OF_FILE: dict[str, Any] = {"turn": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "offset_mm": [0, 0, 0]}
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,12 +116,7 @@ class StoredNetwork:
 
 
 def write_network(
-    folder: Path,
-    stem: str,
-    network: NetworkPolicy,
-    *,
-    within: Path | None = None,
-    **content: Any,
+    folder: Path, stem: str, network: NetworkPolicy, *, within: Path | None = None, **content: Any
 ) -> None:
     """Write a network into two files; the JSON, which holds the hash of the weights, comes last.
 
@@ -153,9 +148,7 @@ def write_network(
     )
     write_whole(folder / f"{stem}.safetensors", data, within=within)
     write_whole(
-        folder / f"{stem}.json",
-        format_document(schemas.NETWORK_POLICY, document),
-        within=within,
+        folder / f"{stem}.json", format_document(schemas.NETWORK_POLICY, document), within=within
     )
 
 

@@ -316,10 +316,7 @@ class BestPolicies:
         ]
 
     def read(
-        self,
-        name: str,
-        arrays: Mapping[str, NDArray[Any]],
-        documents: Sequence[Mapping[str, Any]],
+        self, name: str, arrays: Mapping[str, NDArray[Any]], documents: Sequence[Mapping[str, Any]]
     ) -> None:
         """Restore what `arrays` and `document` returned.
 
@@ -337,11 +334,7 @@ class BestPolicies:
             raise ValueError(f"The snapshot's {error} is missing.") from None
 
     def _read_run(
-        self,
-        name: str,
-        run: int,
-        arrays: Mapping[str, NDArray[Any]],
-        document: Mapping[str, Any],
+        self, name: str, run: int, arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any]
     ) -> None:
         self._best[run], self._cheapest[run] = None, None
         best, cost = document["best"], document["cheapest"]

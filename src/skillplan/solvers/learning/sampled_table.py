@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 
 from skillplan.env.observation import MaskKind, list_allowed_actions
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.learning.episode_kernels import (
-    COMPLETE,
-    FAILURE,
-    GOES_ON,
-    UNTRIED,
-    Tables,
-)
+from skillplan.solvers.learning.episode_kernels import COMPLETE, FAILURE, GOES_ON, UNTRIED, Tables
 from skillplan.task.state import State
 
 _FIRST_SIZE = 256

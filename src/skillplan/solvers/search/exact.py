@@ -131,8 +131,7 @@ class ExactSolver(Solver):
             "1 kB of memory each [-]",
         )
         dives: bool = Field(
-            default=True,
-            description="search greedily in between to have a plan at any time [-]",
+            default=True, description="search greedily in between to have a plan at any time [-]"
         )
         symmetry: bool = Field(
             default=True,

@@ -8,12 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.views.figures.picture import (
-    SMALL_PX,
-    Picture,
-    make_rectangle,
-    measure_text_px,
-)
+from skillplan.views.figures.picture import SMALL_PX, Picture, make_rectangle, measure_text_px
 from skillplan.views.figures.solids import OVERSAMPLING, Point
 
 MOST_NAMED = 32
@@ -85,10 +80,7 @@ def write_legend(
 
 
 def write_numbers(
-    picture: Picture,
-    anchors: Mapping[int, Point],
-    bodies: NDArray[np.int64],
-    height_px: float,
+    picture: Picture, anchors: Mapping[int, Point], bodies: NDArray[np.int64], height_px: float
 ) -> None:
     """Write the number of each piece on it or near it; no number covers another.
 

@@ -263,10 +263,7 @@ class FigureRequest:
 def _find_ends(task: Task) -> tuple[str | None, str | None]:
     first = [place.name for place in task.places_in(task.initial)]
     last = [place.name for place in task.places_in(task.goal.requires)]
-    return (
-        first[0] if len(first) == 1 else None,
-        last[0] if len(last) == 1 else None,
-    )
+    return (first[0] if len(first) == 1 else None, last[0] if len(last) == 1 else None)
 
 
 class FigureModule(Protocol):

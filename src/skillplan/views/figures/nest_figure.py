@@ -9,12 +9,7 @@ from typing import Any
 import numpy as np
 
 from skillplan.views.figures.figure_file import render_figure
-from skillplan.views.figures.picture import (
-    PIXELS_PER_IN,
-    SMALL_PX,
-    Picture,
-    shorten,
-)
+from skillplan.views.figures.picture import PIXELS_PER_IN, SMALL_PX, Picture, shorten
 from skillplan.views.figures.solids import Point
 
 _Ring = Sequence[Sequence[float]]
@@ -99,10 +94,7 @@ class _Drawing:
 
     def _side(self, ring: _Ring) -> list[tuple[float, float]]:
         return [
-            (
-                self.left + self.scale * (x - self.low[0]),
-                self.side_px + self.scale * (self.top - z),
-            )
+            (self.left + self.scale * (x - self.low[0]), self.side_px + self.scale * (self.top - z))
             for x, z in ring
         ]
 
@@ -168,10 +160,7 @@ class _Drawing:
         self.picture.label((x, y), "A - A", "red", SMALL_PX, bold=True)
 
     def _fill(
-        self,
-        rings: Sequence[Sequence[tuple[float, float]]],
-        role: str,
-        opacity: float,
+        self, rings: Sequence[Sequence[tuple[float, float]]], role: str, opacity: float
     ) -> None:
         """Fill rings; those inside others are holes."""
         self.picture.area(rings, role, "ink", 0.8, opacity=opacity)

@@ -88,11 +88,7 @@ def _draw_improvements(figure: Figure, comparison: MethodComparison, legend_in: 
     pairs = comparison.improvements
     names_in = 2.6
     axes = add_axes_in(
-        figure,
-        _LEFT_IN + names_in,
-        0.55 + legend_in,
-        _WIDE_IN - names_in,
-        _ROW_IN * len(pairs),
+        figure, _LEFT_IN + names_in, 0.55 + legend_in, _WIDE_IN - names_in, _ROW_IN * len(pairs)
     )
     for row, (first, second, estimate) in enumerate(pairs):
         if estimate.low is not None and estimate.high is not None:

@@ -120,10 +120,7 @@ def draw_q_values(
         [lines[action] for action in actions],
         actions,
         loc="upper left",
-        bbox_to_anchor=(
-            1 - (named_in + 0.15) / width_in,
-            1 - (head_in + 0.25) / height_in,
-        ),
+        bbox_to_anchor=(1 - (named_in + 0.15) / width_in, 1 - (head_in + 0.25) / height_in),
         borderaxespad=0.0,
         labelspacing=0.45,
         handlelength=2.4,

@@ -13,13 +13,7 @@ from itertools import pairwise
 from skillplan.task.pose import Pose
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan.views.figures.picture import (
-    SERIES,
-    SMALL_PX,
-    Picture,
-    make_rectangle,
-    shorten,
-)
+from skillplan.views.figures.picture import SERIES, SMALL_PX, Picture, make_rectangle, shorten
 from skillplan.views.figures.solids import Bytes, Point, find_outlines
 
 WIDTH_PX, HEIGHT_PX = 640, 480

@@ -20,12 +20,7 @@ from skillplan.task.task import Task
 from skillplan.views.figures.picture import COLOURS, SERIES
 from skillplan.views.playback.document import Playback, make_box
 from skillplan.views.playback.meshes import build_hull_mesh, build_prism_mesh, coarsen, read_obj
-from skillplan.views.playback.tracks import (
-    FRAMES_PER_S,
-    Numbers,
-    compute_link_frames,
-    make_rows,
-)
+from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, compute_link_frames, make_rows
 
 # Smallest force that is shown [N].
 _LEAST_N = 1.0

@@ -121,11 +121,7 @@ class Playback:
         x, y, z = ((start + end) / 2).tolist()
         kind = "capsule" if isinstance(shape, Capsule) else "cylinder"
         if length_m < 1e-9:
-            return {
-                "type": "sphere",
-                "radius_m": shape.radius_m,
-                "pose": make_row(Pose((x, y, z))),
-            }
+            return {"type": "sphere", "radius_m": shape.radius_m, "pose": make_row(Pose((x, y, z)))}
         turned = turn_along((x, y, z), ((end - start) / length_m).tolist())
         return {
             "type": kind,

@@ -66,10 +66,7 @@ def build_prism_mesh(zone: Zone, low_m: float, high_m: float) -> tuple[Numbers, 
         triangles += [(a, c, b), (a + count, b + count, c + count)]
     for number in range(count):
         after = (number + 1) % count
-        triangles += [
-            (number, after, after + count),
-            (number, after + count, number + count),
-        ]
+        triangles += [(number, after, after + count), (number, after + count, number + count)]
     points = [(x, y, z) for z in (low_m, high_m) for x, y in outline]
     return np.array(points), np.array(triangles, dtype=np.int64)
 

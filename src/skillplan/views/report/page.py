@@ -201,9 +201,6 @@ def _build_footer(player: Player | None) -> Markup:
     if player is None or not player.licences:
         return tag("footer", {}, words)
     licences = tag(
-        "details",
-        {},
-        tag("summary", {}, "Licences of the player"),
-        tag("pre", {}, player.licences),
+        "details", {}, tag("summary", {}, "Licences of the player"), tag("pre", {}, player.licences)
     )
     return tag("footer", {}, words, licences)

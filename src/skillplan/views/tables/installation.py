@@ -30,12 +30,7 @@ def _is_figure(cell: str) -> bool:
     return cell in ("-", "") or cell.replace(".", "", 1).lstrip("-").isdigit()
 
 
-_BOUNDS = {
-    "minimum": ">= ",
-    "exclusiveMinimum": "> ",
-    "maximum": "<= ",
-    "exclusiveMaximum": "< ",
-}
+_BOUNDS = {"minimum": ">= ", "exclusiveMinimum": "> ", "maximum": "<= ", "exclusiveMaximum": "< "}
 
 
 def tabulate_plugins(

@@ -9,12 +9,7 @@ from skillplan.records.interval import Estimate
 from skillplan.records.training.method_comparison import MethodComparison
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.relational_file import RelationalContent
-from skillplan.records.training.result import (
-    LayoutsResult,
-    RunOutcome,
-    Tally,
-    TrainingResult,
-)
+from skillplan.records.training.result import LayoutsResult, RunOutcome, Tally, TrainingResult
 from skillplan.records.training.shortfall import Shortfall
 from skillplan.solvers.learning.network_policy import ActionRule
 from skillplan.solvers.solution import deviation

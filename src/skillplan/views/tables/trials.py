@@ -46,7 +46,7 @@ def tabulate_agreement(agreement: EngineAgreement, pictures: Pictures = ()) -> l
     share = 100 * agreement.agree / max(1, agreement.questions)
     notes = [
         f"agree    on {agreement.agree} of {agreement.questions} questions ({share:.2f} %), of "
-        f"{agreement.states} states that can be reached",
+        f"{agreement.states} states that can be reached"
     ]
     if not agreement.complete:
         notes.append("stopped  before all was asked")

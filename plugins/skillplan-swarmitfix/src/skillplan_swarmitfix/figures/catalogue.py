@@ -20,6 +20,5 @@ GANTT: Final = CatalogueEntry(
     "by head, PKM and base in the five steps", f"{_HERE}.gantt_figure", "swarmitfix"
 )
 FLEET: Final = CatalogueEntry(
-    "the paths of several bases on one bench, with their parallel steps",
-    f"{_HERE}.fleet_figure",
+    "the paths of several bases on one bench, with their parallel steps", f"{_HERE}.fleet_figure"
 )

@@ -131,10 +131,7 @@ class _Grounding:
     """
 
     def __init__(
-        self,
-        bench: Bench,
-        robots: Mapping[str, tuple[int, int]],
-        swing_s: Mapping[int, float],
+        self, bench: Bench, robots: Mapping[str, tuple[int, int]], swing_s: Mapping[int, float]
     ) -> None:
         self.bench = bench
         self.robots = robots

@@ -145,11 +145,7 @@ def heads_of(
 
 
 def fewest(
-    segment: Segment,
-    first: Head,
-    last: Head,
-    rules: HeadRules,
-    holdable: Holdable | None = None,
+    segment: Segment, first: Head, last: Head, rules: HeadRules, holdable: Holdable | None = None
 ) -> tuple[str, ...]:
     """Return the cheapest plan of `head_task` by dynamic programming; of equals the most even.
 
@@ -180,11 +176,7 @@ def has_holdable_heads(
 
 @lru_cache(maxsize=256)
 def _grid(
-    segment: Segment,
-    first: Head,
-    last: Head,
-    rules: HeadRules,
-    holdable: Holdable | None = None,
+    segment: Segment, first: Head, last: Head, rules: HeadRules, holdable: Holdable | None = None
 ) -> HeadGrid:
     """Return the heads to choose from, which a chain needs again and again."""
     return HeadGrid(segment, first, last, rules, holdable)

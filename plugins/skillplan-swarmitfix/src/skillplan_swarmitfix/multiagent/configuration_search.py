@@ -460,11 +460,7 @@ class _SpaceTimePlanner:
     """
 
     def __init__(
-        self,
-        problem: MultiAgentProblem,
-        agent: int,
-        objective: Objective,
-        rng: np.random.Generator,
+        self, problem: MultiAgentProblem, agent: int, objective: Objective, rng: np.random.Generator
     ) -> None:
         self.problem = problem
         self.rng = rng

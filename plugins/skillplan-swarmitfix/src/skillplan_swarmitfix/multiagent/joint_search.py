@@ -48,10 +48,7 @@ class JointResult:
 
 
 def search_jointly(
-    problem: MultiAgentProblem,
-    objective: Objective,
-    stop: Callable[[], bool],
-    max_nodes: int,
+    problem: MultiAgentProblem, objective: Objective, stop: Callable[[], bool], max_nodes: int
 ) -> JointResult:
     """Return the best joint plan of all agents to their goals.
 
@@ -132,8 +129,7 @@ def joint_steps(
 
 
 def _path(
-    came: dict[tuple[int, ...], tuple[tuple[int, ...], tuple[Move, ...]]],
-    places: tuple[int, ...],
+    came: dict[tuple[int, ...], tuple[tuple[int, ...], tuple[Move, ...]]], places: tuple[int, ...]
 ) -> tuple[tuple[Move, ...], ...]:
     steps = []
     while places in came:

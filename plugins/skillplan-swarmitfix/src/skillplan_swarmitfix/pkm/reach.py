@@ -199,11 +199,7 @@ def rule(
 
 
 def hold_fault(
-    geometry: PkmGeometry,
-    limits: PkmLimits,
-    mount: Mount,
-    base_centre_m: Point2,
-    head_m: Point2,
+    geometry: PkmGeometry, limits: PkmLimits, mount: Mount, base_centre_m: Point2, head_m: Point2
 ) -> str:
     """Return why the PKM cannot hold the head at a place; empty if it can.
 

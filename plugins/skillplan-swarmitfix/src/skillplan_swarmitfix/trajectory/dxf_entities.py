@@ -205,10 +205,7 @@ class EntityReader:
                 raise self._fault(
                     f"It has a bulge of {bulge:g}; give an arc of less than a full turn."
                 )
-            top = (
-                (ax + bx + bulge * (by - ay)) / 2,
-                (ay + by - bulge * (bx - ax)) / 2,
-            )
+            top = ((ax + bx + bulge * (by - ay)) / 2, (ay + by - bulge * (bx - ax)) / 2)
             if math.dist((ax, ay), (bx, by)) <= SAME_POINT_M:
                 self.merged += 1
                 continue

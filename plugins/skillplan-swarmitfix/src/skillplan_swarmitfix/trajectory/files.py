@@ -54,11 +54,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 def read_trajectory(
-    path: Path,
-    unit: UnitName | None = None,
-    *,
-    layer: str | None = None,
-    contour: Choice = None,
+    path: Path, unit: UnitName | None = None, *, layer: str | None = None, contour: Choice = None
 ) -> TrajectoryPath:
     """Return the tool trajectory that a file holds.
 
@@ -266,10 +262,7 @@ def placed(contours: FileContours, offset_m: Point2, rotate_deg: float) -> FileC
 
     def on_bench(point: Point2) -> Point2:
         x_m, y_m = point[0] - x0_m, point[1] - y0_m
-        return (
-            cosine * x_m - sine * y_m + offset_m[0],
-            sine * x_m + cosine * y_m + offset_m[1],
-        )
+        return (cosine * x_m - sine * y_m + offset_m[0], sine * x_m + cosine * y_m + offset_m[1])
 
     def element_on_bench(element: Element) -> Element:
         match element:

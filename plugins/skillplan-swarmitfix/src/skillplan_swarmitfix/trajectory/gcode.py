@@ -626,10 +626,7 @@ class _Machine:
         # The centre of a short arc (R > 0) lies on the side to which the arc turns.
         side = height if (self._motion == "3") == (radius > 0) else -height
         dx, dy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
-        return (
-            (start[0] + end[0]) / 2 - side * dy,
-            (start[1] + end[1]) / 2 + side * dx,
-        )
+        return ((start[0] + end[0]) / 2 - side * dy, (start[1] + end[1]) / 2 + side * dx)
 
     def _refuse(self, message: str) -> NoReturn:
         raise TrajectoryFileError(self.path, message, self.place)

@@ -10,12 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skillplan_swarmitfix.trajectory.faults import near_pairs
-from skillplan_swarmitfix.trajectory.path import (
-    JOIN_M,
-    TrajectoryPath,
-    count,
-    millimetres,
-)
+from skillplan_swarmitfix.trajectory.path import JOIN_M, TrajectoryPath, count, millimetres
 from skillplan_swarmitfix.trajectory.path_elements import (
     SAME_POINT_M,
     Arc,
@@ -136,9 +131,7 @@ def _walk(
         end = (i, 1 - side)
 
 
-def _ends(
-    pieces: Sequence[Piece],
-) -> tuple[list[tuple[int, int]], list[float], list[Point2]]:
+def _ends(pieces: Sequence[Piece]) -> tuple[list[tuple[int, int]], list[float], list[Point2]]:
     """Return the nodes at both ends of each piece, the gaps shut [m], and the nodes' points."""
     index = PointIndex()
     ends = [(index.at(piece.start), index.at(piece.end)) for piece in pieces]

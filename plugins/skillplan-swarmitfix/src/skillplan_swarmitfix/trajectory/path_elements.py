@@ -96,10 +96,7 @@ def _handle(a: Point2, b: Point2, c: Point2) -> Point2:
     root = math.sqrt(before * after)
     scale = 3 * (before + root)
     back, here, ahead = -after / scale, (2 * before + 3 * root + after) / scale, before / scale
-    return (
-        back * a[0] + here * b[0] + ahead * c[0],
-        back * a[1] + here * b[1] + ahead * c[1],
-    )
+    return (back * a[0] + here * b[0] + ahead * c[0], back * a[1] + here * b[1] + ahead * c[1])
 
 
 def _mirrored(point: Point2, at: Point2) -> Point2:

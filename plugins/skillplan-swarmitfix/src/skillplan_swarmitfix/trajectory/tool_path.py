@@ -15,12 +15,7 @@ import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from skillplan_swarmitfix.trajectory.path import (
-    JOIN_M,
-    Progress,
-    TrajectoryPath,
-    millimetres,
-)
+from skillplan_swarmitfix.trajectory.path import JOIN_M, Progress, TrajectoryPath, millimetres
 from skillplan_swarmitfix.trajectory.path_chain import PointIndex
 from skillplan_swarmitfix.trajectory.path_elements import (
     Arc,
@@ -249,11 +244,7 @@ class CutContour:
 
     def _notes(self) -> list[str]:
         notes = []
-        leads = {
-            "lead-in": self.lead_in_m,
-            "overcut": self.overcut_m,
-            "lead-out": self.lead_out_m,
-        }
+        leads = {"lead-in": self.lead_in_m, "overcut": self.overcut_m, "lead-out": self.lead_out_m}
         parts = [f"{name} {millimetres(m)}" for name, m in leads.items() if m > JOIN_M]
         if parts:
             whole_m = self.curve.length_m + sum(leads.values())

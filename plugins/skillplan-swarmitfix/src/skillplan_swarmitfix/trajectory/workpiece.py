@@ -321,9 +321,7 @@ class Workpiece:
         starts = [start, *(element.end for element in whole)]
         parts = [
             Segment(
-                i,
-                (begin, *sample(begin, element, chord_tolerance_m)),
-                measure_m(begin, element),
+                i, (begin, *sample(begin, element, chord_tolerance_m)), measure_m(begin, element)
             )
             for i, (begin, element) in enumerate(zip(starts, whole, strict=False))
         ]

@@ -99,8 +99,7 @@ class DqnOptions(NetworkOptions):
     )
     # Additions
     clip_values: bool = Field(
-        default=False,
-        description="addition: no next value exceeds the reward for completing [-]",
+        default=False, description="addition: no next value exceeds the reward for completing [-]"
     )
     exploration: Literal["epsilon", "count"] = Field(
         default="epsilon",

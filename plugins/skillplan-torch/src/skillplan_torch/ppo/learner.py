@@ -50,8 +50,7 @@ class PpoOptions(NetworkOptions):
     width: Width = 64
     layers: Layers = 2
     learning_rate_end: Annotated[
-        FinalLearningRate,
-        Field(description="final learning rate of Adam, approached linearly [-]"),
+        FinalLearningRate, Field(description="final learning rate of Adam, approached linearly [-]")
     ] = 1e-4
     failure: Annotated[
         FailureLoss,
@@ -271,12 +270,7 @@ class PpoTraining(NetworkTraining):
         if options.imitation:
             cheapest = self._best.cheapest_steps(padded(self._limit), self._outputs)
         self._curves += self._update.run(
-            self._buffer,
-            self._rewards(),
-            self._observed,
-            self._rates(),
-            self._generators,
-            cheapest,
+            self._buffer, self._rewards(), self._observed, self._rates(), self._generators, cheapest
         )
         self._updates += 1
         for run in np.flatnonzero(~self._networks.is_finite()).tolist():

@@ -12,13 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from skillplan.solvers.kernels import compiled
-from skillplan.solvers.ordering.instance import (
-    NO_ARC,
-    Booleans,
-    Floats,
-    Integers,
-    OrderingInstance,
-)
+from skillplan.solvers.ordering.instance import NO_ARC, Booleans, Floats, Integers, OrderingInstance
 from skillplan.solvers.ordering.local_search.iterated_descent import (
     Randoms,
     cost_of,

@@ -16,13 +16,7 @@ from typing import NamedTuple
 import highspy
 import numpy as np
 
-from skillplan.solvers.ordering.instance import (
-    NO_ARC,
-    Booleans,
-    Floats,
-    Integers,
-    OrderingInstance,
-)
+from skillplan.solvers.ordering.instance import NO_ARC, Booleans, Floats, Integers, OrderingInstance
 from skillplan.solvers.ordering.relaxation.precedence_cuts import (
     find_set_up_cuts,
     select_pairs,

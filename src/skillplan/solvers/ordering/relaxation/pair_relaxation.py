@@ -385,11 +385,7 @@ class PairRelaxation:
         return self._program.work + self._flow_work
 
     def run(
-        self,
-        work: int,
-        cutoff: float,
-        stop: Callable[[], bool],
-        on_bound: Callable[[Duals], None],
+        self, work: int, cutoff: float, stop: Callable[[], bool], on_bound: Callable[[Duals], None]
     ) -> None:
         """Add cuts until the work is done, the bound reaches the cutoff or stops to rise."""
         most = self.work + work

@@ -539,11 +539,7 @@ class Beam:
 
 
 def run_beam(
-    instance: OrderingInstance,
-    duals: Duals,
-    cutoff: float,
-    width: int,
-    stop: Callable[[], bool],
+    instance: OrderingInstance, duals: Duals, cutoff: float, width: int, stop: Callable[[], bool]
 ) -> Beam | None:
     """Run a beam search; return None if it was stopped.
 
