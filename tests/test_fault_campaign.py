@@ -69,13 +69,13 @@ def test_forged_results_are_refuted(tally):
     assert [] == tally.failures
 
 
-def test_a_few_dozens_of_spoilt_inputs_do_no_harm(tally, tmp_path, monkeypatch):
+def test_a_few_spoilt_inputs_do_no_harm(tally, tmp_path, monkeypatch):
     """Two of each kind that needs no preparation of seconds."""
     inputs = mutated_inputs.Inputs(tmp_path, whole=False)
     for kind, way in inputs.ways().items():
         for number in range(2):
             tally.case(kind, number, way)
-    assert 22 == sum(tally.cases.values())
+    assert 10 == sum(tally.cases.values())
     assert [] == tally.failures
 
 

@@ -52,7 +52,7 @@ def main() -> int:
     parser.add_argument("--scale", type=float, default=1.0, help="of all counts; 0.01 for a look")
     parser.add_argument("--only", help="the seed of one case, as a failure names it")
     parser.add_argument("--parts", default=",".join(PARTS), help=f"of {', '.join(PARTS)}")
-    parser.add_argument("--kinds", default="", help="of inputs and kills, as yaml; default: all")
+    parser.add_argument("--kinds", default="", help="of inputs and kills, as sop; default: all")
     parser.add_argument("--jobs", type=int, choices=(1, 2), default=1, help="processes")
     chosen = parser.parse_args()
     parts = set(chosen.parts.split(","))

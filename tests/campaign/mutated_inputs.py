@@ -1,4 +1,4 @@
-"""Files of every format, and command lines, spoilt at random by the fuzz tests' mutators."""
+"""Files of formats that `tests/test_fuzz.py` leaves out, spoilt at random by its mutators."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ import re
 import shutil
 import struct
 from collections.abc import Callable, Collection, Iterator
-from contextlib import chdir, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import yaml
 from forgeries import SLIPPERY
 from tally import Tally, guarded_folder, progress, survives
 
@@ -30,27 +29,6 @@ VALUES: tuple[Any, ...] = (
     *("1e999", ".nan", "0x1F", "C1", "C99", "box", "lid", "../a.nc", "left", -0.0, 0, -1, 1, 2),
     *(5e-324, 1e-300, 1e-6, 1e300, 10.0, 100_000, 2**63, 10**40, float("inf"), float("nan")),
     *([], {}, [[]], [[[[[0]]]]], {"": {}}, [0, 0], [0.0, 0.0, 0.0], [1e-6] * 3, [None] * 3),
-)
-WORDS = (
-    *(
-        "",
-        " ",
-        ",",
-        "0",
-        "-1",
-        "0,1",
-        "0,,1",
-        "99",
-        "1e9",
-        "1e999",
-        "0x1",
-        "9" * 5000,
-        "nan",
-        "-inf",
-    ),
-    *("pick(box)", "pick(", "exact", "exact,exact", "aabb,precedence", "kinematic", "=", "a.b.c=d"),
-    *("exact.max_labels=1", "aabb.tolerance_m=.nan", "exact.=1", "--", "-h", "json", "small.yaml"),
-    *("\ud800", "\0", "\n", "\x1b[31m", "\u202e", "%s", "{}", "$(ls)", "..", "assembly", "solver"),
 )
 TOKENS = (
     b"\0",
@@ -84,7 +62,7 @@ CASES = {"json": 300, "policies": 200, "urdf": 1_000, "safetensors": 150, "manif
     "stl": 300,
 }
 # Kinds that need nothing prepared that takes seconds.
-CHEAP = {"yaml", "bench", "sop", "dxf", "csv", "g-code", "mesh", "json", "urdf", "policies"}
+CHEAP = {"sop", "mesh", "json", "urdf", "policies"}
 PARTS = ROOT / "plugins" / "skillplan-cad" / "tests" / "fixtures"
 STUDY = (
     *("sweep", "--solver", "q-learning", "--sampler", "optuna", "--runs", "1"),
@@ -236,18 +214,12 @@ class Inputs:
             "stl": self.stl,
         }
         return {
-            "yaml": self.yaml,
-            "bench": self.bench,
             "sop": self.sop_file,
-            "dxf": lambda chance: self.trajectory(chance, ".dxf"),
-            "csv": lambda chance: self.trajectory(chance, ".csv"),
-            "g-code": lambda chance: self.trajectory(chance, ".nc"),
             "mesh": self.mesh,
             "json": self.json,
             "urdf": self.urdf_file,
             "policies": self.policies_file,
             **(whole if self.policy else {}),
-            "command-line": self.command_line,
         }
 
     def solve(self, path: Path) -> None:
@@ -256,39 +228,12 @@ class Inputs:
             survives("search-optimal", path, *QUICK)
             survives("evaluate", path, "--sequence", "0,1,0", *QUICK)
 
-    def yaml(self, chance: random.Random) -> None:
-        """Spoil nodes of a task, or bytes of it."""
-        path = self.folder / "task.yaml"
-        if chance.random() < 0.5:
-            path.write_bytes(spoilt(chance, self.fuzz.TASK.encode()))
-        else:
-            document = spoilt_document(chance, self.fuzz.yaml_text(self.fuzz.TASK), self.fuzz)
-            text = yaml.safe_dump(document, allow_unicode=True, sort_keys=False)
-            path.write_bytes(text.encode("utf-8", "replace"))
-        self.solve(path)
-
-    def bench(self, chance: random.Random) -> None:
-        """Spoil nodes of a bench."""
-        text = self.fuzz.BENCHES[chance.choice(sorted(self.fuzz.BENCHES))]
-        document = spoilt_document(chance, self.fuzz.yaml_text(text), self.fuzz)
-        path = self.folder / "bench.yaml"
-        text = yaml.safe_dump(document, allow_unicode=True, sort_keys=False)
-        path.write_bytes(text.encode("utf-8", "replace"))
-        self.solve(path)
-
     def sop_file(self, chance: random.Random) -> None:
         """Spoil bytes of a matrix."""
         path = self.folder / "task.sop"
         path.write_bytes(spoilt(chance, self.sop))
         if survives("check", path) == 0:
             survives("search-optimal", path, *QUICK)
-
-    def trajectory(self, chance: random.Random, suffix: str) -> None:
-        """Spoil bytes of a drawing, a table or a program."""
-        (self.folder / f"a{suffix}").write_bytes(spoilt(chance, self.fuzz.FILES[suffix]))
-        path = self.folder / "drawn.yaml"
-        path.write_text(f"kind: swarmitfix\nname: a\ntrajectory: {{file: a{suffix}}}\n", "utf-8")
-        self.solve(path)
 
     def mesh(self, chance: random.Random) -> None:
         """Spoil bytes of a mesh of a part."""
@@ -429,16 +374,6 @@ class Inputs:
         page = self.folder / "page.html"
         page.unlink(missing_ok=True)
         return page
-
-    def command_line(self, chance: random.Random) -> None:
-        """Put options and words together that need not fit."""
-        command = chance.choice(sorted(self.fuzz.COMMANDS))
-        words = [chance.choice(("small.yaml", *WORDS))]
-        for _ in range(chance.randint(0, 3)):
-            words += chance.sample(self.fuzz.OPTIONS, 1) if chance.random() < 0.6 else []
-            words.append(chance.choice(WORDS))
-        with chdir(self.folder):
-            survives(command, *self.fuzz.SHORT.get(command, ()), *words)
 
 
 def mutate(tally: Tally, scale: float, kinds: Collection[str] = ()) -> None:
