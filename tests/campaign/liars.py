@@ -11,15 +11,7 @@ from typing import Any
 import pytest
 from tally import Tally
 
-from situations import (
-    FakeSetup,
-    fake_back_end,
-    make_skill,
-    make_task,
-    model_of,
-    solver_that,
-    two_roads_task,
-)
+import situations
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.pipeline import solve
 from skillplan.solvers import Plan, Solution
@@ -30,7 +22,7 @@ Act = Callable[[Any, Any], Any]
 
 
 def _solved() -> tuple[tuple[str, ...], float]:
-    result = solve(two_roads_task(), "exact")
+    result = solve(situations.two_roads_task(), "exact")
     assert result.cost is not None
     return tuple(step.skill for step in result.steps), result.cost
 
@@ -74,10 +66,10 @@ def solvers() -> dict[str, Act]:
 
 def _solver_is_caught(act: Act) -> None:
     """Assert that a liar is not believed and ends nothing."""
-    task = two_roads_task()
+    task = situations.two_roads_task()
     _, cost = _solved()
     try:
-        result = solve(task, solver_that(act))
+        result = solve(task, situations.solver_that(act))
     except SkillplanError:
         pass
     else:
@@ -105,17 +97,17 @@ def _chance_task() -> Task:
     facts = Facts(("done",))
     tried = [(0.5, ("done",), ()), (0.5, (), ())]
     skills = [
-        make_skill(facts, "again", forbids=("done",), outcomes=tried, cost=1.0),
-        make_skill(facts, "sure", forbids=("done",), add=("done",), cost=3.0),
+        situations.make_skill(facts, "again", forbids=("done",), outcomes=tried, cost=1.0),
+        situations.make_skill(facts, "sure", forbids=("done",), add=("done",), cost=3.0),
     ]
-    return make_task(facts, skills, goal=("done",))
+    return situations.make_task(facts, skills, goal=("done",))
 
 
 def _claim_under_chance_is_caught(name: str) -> None:
     """Assert that no false claim about expected costs is believed."""
     task = _chance_task()
     solution = chance_claims(task)[name]
-    result = solve(task, solver_that(lambda solver, model: solution))
+    result = solve(task, situations.solver_that(lambda solver, model: solution))
     assert result.status != "optimal", f"believed: optimal at {result.cost}"
     bound = result.lower_bound
     assert bound is None or bound <= 2.0, f"believed the bound {bound}"
@@ -162,7 +154,9 @@ INCONSISTENT = {
 def _inconsistency_is_caught(make: Callable[[Task], Any]) -> None:
     """Assert that a search with an audit of all that it reused names the back end."""
     task = lid_task()
-    setup = FakeSetup(make=lambda task: [fake_back_end(task, make(task), name="liar")])
+    setup = situations.FakeSetup(
+        make=lambda task: [situations.fake_back_end(task, make(task), name="liar")]
+    )
     with pytest.raises(BackEndError, match="liar"):
         solve(task, "exhaustive", setup, audit=10_000)
 
@@ -181,8 +175,8 @@ def detectors() -> dict[str, Any]:
 
 def _detector_is_caught(answer: Any) -> None:
     """Assert that a back end that gives no verdict is named, and nothing is planned with it."""
-    task = two_roads_task()
-    model = model_of(task, fake_back_end(task, answer, name="liar"))
+    task = situations.two_roads_task()
+    model = situations.model_of(task, situations.fake_back_end(task, answer, name="liar"))
     with pytest.raises(BackEndError, match="liar"):
         list(model.transitions(task.initial))
 

@@ -14,16 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import Field
 
+import situations
 from example_count import examples
 from expensive_back_ends import ExpensiveDetector, ExpensiveEngine
-from situations import (
-    assembly,
-    config_content,
-    crowded_assemblies,
-    fake_back_end,
-    imagined_state,
-    small_assemblies,
-)
 from skillplan.checks import (
     Checked,
     DiskVerdictCache,
@@ -57,7 +50,7 @@ def dear_one(task=TASK, answer=None, **attributes):
             return Verdict.infeasible("blocked", facts.of("placed(fuse)"), facts.none, {"n": 3.5})
         return Verdict.feasible(facts.none, facts.of("placed(fuse)"))
 
-    return fake_back_end(task, answer or rests_on_the_fuse, expensive=True, **attributes)
+    return situations.fake_back_end(task, answer or rests_on_the_fuse, expensive=True, **attributes)
 
 
 def verdicts_of(folder, back_end, task=TASK, skill=None):
@@ -161,8 +154,8 @@ def test_what_differs_in_anything_that_may_change_the_answer_has_another_key():
         friction: float = Field(default=0.5, description="friction [-]")
 
     back_end = dear_one()
-    moved = config_content("inverter_board")
-    board = assembly(moved)
+    moved = situations.config_content("inverter_board")
+    board = situations.assembly(moved)
     moved["parts"]["clock"]["goal_m"][0] += 0.001
     keys = [
         compute_verdict_key(back_end, SKILL),
@@ -176,7 +169,7 @@ def test_what_differs_in_anything_that_may_change_the_answer_has_another_key():
         compute_verdict_key(dear_one(Options=Options), SKILL),
         compute_verdict_key(dear_one(TASK.replace(chart=(Precedence("lid", "box"),))), SKILL),
         compute_verdict_key(dear_one(board), board.skills[0]),
-        compute_verdict_key(dear_one(assembly(moved)), board.skills[0]),
+        compute_verdict_key(dear_one(situations.assembly(moved)), board.skills[0]),
     ]
     with_option = dear_one(Options=Options)
     with_option.options = Options(friction=0.6)
@@ -427,7 +420,10 @@ def test_a_copy_for_some_back_ends_starts_with_theirs_only():
     """What is added to it does not flow back."""
     cache = VerdictCache()
     checked = Checked(Verdict.feasible(TASK.facts.none, TASK.facts.none), 0.0)
-    first, other = fake_back_end(TASK, name="one"), fake_back_end(TASK, name="other")
+    first, other = (
+        situations.fake_back_end(TASK, name="one"),
+        situations.fake_back_end(TASK, name="other"),
+    )
     for back_end in (first, other):
         cache.keep(back_end, SKILL, checked, TASK.initial)
     copy = cache.only([first])
@@ -441,7 +437,7 @@ def test_what_is_taken_over_is_found_and_stays_where_it_was():
     """Beside what was there; of a folder nothing need be taken over."""
     cache, other = VerdictCache(), VerdictCache()
     checked = Checked(Verdict.feasible(TASK.facts.none, TASK.facts.none), 0.0)
-    back_end = fake_back_end(TASK, name="one")
+    back_end = situations.fake_back_end(TASK, name="one")
     cache.keep(back_end, SKILL, checked, TASK.initial)
     other.keep(back_end, TASK.skills[1], checked, TASK.initial)
     cache.take_over(other)
@@ -463,8 +459,10 @@ def test_a_cache_on_disk_takes_nothing_over_that_is_not_in_its_folder(tmp_path):
 
 def test_an_engine_and_a_detector_of_one_name_do_not_share_verdicts():
     """Names are unique within a kind only."""
-    yes = fake_back_end(TASK, lambda skill, state: Verdict.feasible(), name="twin", base=Engine)
-    no = fake_back_end(TASK, lambda skill, state: Verdict.infeasible("no"), name="twin")
+    yes = situations.fake_back_end(
+        TASK, lambda skill, state: Verdict.feasible(), name="twin", base=Engine
+    )
+    no = situations.fake_back_end(TASK, lambda skill, state: Verdict.infeasible("no"), name="twin")
     assert not Feasibility(TASK, [yes, no]).verdict(SKILL, TASK.initial).is_feasible
 
 
@@ -585,7 +583,7 @@ def test_clearing_a_task_leaves_the_others(tmp_path):
 
 
 seeds = st.integers(0, 2**32)
-BOARD = assembly(config_content("inverter_board"))
+BOARD = situations.assembly(situations.config_content("inverter_board"))
 
 
 def aabb(**options):
@@ -614,12 +612,12 @@ def assert_reuse(task, make, rng, pairs):
     queries, reused = make(task), 0
     for skill in task.skills:
         for _ in range(pairs):
-            state = imagined_state(task, skill, rng)
+            state = situations.imagined_state(task, skill, rng)
             if state is None:
                 continue
             verdict = queries.check(skill, state).grounded(state, queries.name)
             assert verdict.applies_in(state)
-            other = imagined_state(task, skill, rng, verdict.present, verdict.absent)
+            other = situations.imagined_state(task, skill, rng, verdict.present, verdict.absent)
             if other is None or not verdict.applies_in(other):
                 continue
             fresh = make(task).check(skill, other).grounded(other, queries.name)
@@ -636,10 +634,10 @@ def assert_reuse(task, make, rng, pairs):
     ],
 )
 @settings(max_examples=examples(100))
-@given(content=crowded_assemblies(), seed=seeds)
+@given(content=situations.crowded_assemblies(), seed=seeds)
 def test_a_reused_verdict_equals_a_fresh_one_in_crowded_assemblies(back_end, content, seed):
     """Tall, turned and stacked parts, feeders, envelopes, swaps and separate tool changes."""
-    assert_reuse(assembly(content), BACK_ENDS[back_end], random.Random(seed), pairs=5)
+    assert_reuse(situations.assembly(content), BACK_ENDS[back_end], random.Random(seed), pairs=5)
 
 
 @pytest.mark.parametrize("back_end", BACK_ENDS)
@@ -649,38 +647,38 @@ def test_a_reused_verdict_equals_a_fresh_one_in_crowded_assemblies(back_end, con
 )
 def test_a_reused_verdict_equals_a_fresh_one_on_the_configs(back_end, config):
     """Most pairs of states differ, so that reuse is put to the test."""
-    task = assembly(config_content(config))
+    task = situations.assembly(situations.config_content(config))
     reused = assert_reuse(task, BACK_ENDS[back_end], random.Random(1), pairs=8)
     assert reused > 4 * len(task.skills)
 
 
 @settings(max_examples=examples(60))
-@given(content=crowded_assemblies(), seed=seeds)
+@given(content=situations.crowded_assemblies(), seed=seeds)
 def test_a_chain_that_remembers_rules_like_one_that_does_not(content, seed):
     """The whole of it: several back ends, one cache, many random states in turn."""
-    task, rng = assembly(content), random.Random(seed)
+    task, rng = situations.assembly(content), random.Random(seed)
     makers = list(BACK_ENDS.values())
     makers = [makers[0], makers[1], makers[4]]
     warm = Feasibility(task, [make(task) for make in makers])
     for skill in task.skills:
         for _ in range(10):
-            state = imagined_state(task, skill, rng)
+            state = situations.imagined_state(task, skill, rng)
             if state is not None:
                 cold = Feasibility(task, [make(task) for make in makers])
                 assert warm.verdict(skill, state) == cold.verdict(skill, state)
 
 
 @settings(max_examples=examples(30))
-@given(content=small_assemblies(), seed=seeds)
+@given(content=situations.small_assemblies(), seed=seeds)
 def test_what_cannot_say_is_reused_in_the_same_state_only(content, seed):
     """A verdict without facts never serves another state."""
-    task, rng = assembly(content), random.Random(seed)
-    back_end = fake_back_end(task, Verdict.feasible())
+    task, rng = situations.assembly(content), random.Random(seed)
+    back_end = situations.fake_back_end(task, Verdict.feasible())
     feasibility = Feasibility(task, [back_end])
     seen = set()
     for skill in task.skills:
         for _ in range(4):
-            state = imagined_state(task, skill, rng)
+            state = situations.imagined_state(task, skill, rng)
             if state is None:
                 continue
             for _ in range(2):
@@ -696,7 +694,7 @@ def test_the_cache_finds_what_a_scan_of_all_kept_verdicts_finds(entries, seed):
     """However the verdicts' facts overlap."""
     task = BOARD
     facts, skill = task.facts, task.skills[0]
-    back_end, cache = fake_back_end(task), VerdictCache()
+    back_end, cache = situations.fake_back_end(task), VerdictCache()
     kept = []
     for i, (present, absent) in enumerate(entries):
         sets = facts.state(present), facts.state(absent & ~present)

@@ -16,19 +16,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given
 from hypothesis import strategies as st
 
+import situations
 from board_situations import OPTIMAL
-from situations import (
-    assembly,
-    config_content,
-    fake_back_end,
-    make_skill,
-    make_task,
-    model_of,
-    retry_task,
-    small_assemblies,
-    small_tasks,
-    two_roads_task,
-)
 from skillplan.checks import Feasibility
 from skillplan.env import Observation, RewardFunction, SkillEnv, SkillVectorEnv
 from skillplan.errors import BackEndError, OptionError
@@ -43,7 +32,7 @@ LOAD_GRIPPER, LOAD_SCREWDRIVER = 12, 13
 @st.composite
 def chancy_tasks(draw: st.DrawFn) -> Task:
     """Draw a small task some of whose skills may fail, or do something else."""
-    task = draw(small_tasks())
+    task = draw(situations.small_tasks())
     rng = random.Random(draw(st.integers(0, 2**32)))
     skills = []
     for skill in task.skills:
@@ -61,7 +50,9 @@ def chancy_tasks(draw: st.DrawFn) -> Task:
     return task.replace(skills=tuple(skills))
 
 
-any_task = st.one_of(small_assemblies().map(assembly), small_tasks(), chancy_tasks())
+any_task = st.one_of(
+    situations.small_assemblies().map(situations.assembly), situations.small_tasks(), chancy_tasks()
+)
 
 
 class Walk:
@@ -260,8 +251,8 @@ class TestEpisodes:
 
     def test_where_nothing_is_allowed_any_action_ends_it_as_infeasible(self):
         facts = Facts(("stuck", "done"))
-        fall = make_skill(facts, "fall", forbids=("stuck",), add=("stuck",))
-        task = make_task(facts, [fall], goal=("done",))
+        fall = situations.make_skill(facts, "fall", forbids=("stuck",), add=("stuck",))
+        task = situations.make_task(facts, [fall], goal=("done",))
         for mask in ("applicable", "feasible"):
             env = SkillVectorEnv(make_model(task), 1, mask=mask)
             env.reset(seed=0)
@@ -353,7 +344,7 @@ class TestIndependence:
             assert same(expected, results)
 
     def test_without_a_seed_a_reset_goes_on_with_the_random_numbers_there_are(self):
-        env = SkillVectorEnv(model_of(retry_task(0.5)), 8)
+        env = SkillVectorEnv(situations.model_of(situations.retry_task(0.5)), 8)
         ways = []
         for seed in (3, None, 3, None):
             env.reset(seed=seed)
@@ -383,7 +374,10 @@ class TestRestoring:
         assert env.state() == fresh.state()
 
     def test_a_family_goes_on_with_the_boards_it_would_have_drawn(self):
-        models = [model_of(two_roads_task().replace(name=name)) for name in ("one", "other")]
+        models = [
+            situations.model_of(situations.two_roads_task().replace(name=name))
+            for name in ("one", "other")
+        ]
         env, fresh = SkillVectorEnv(models, 5), SkillVectorEnv(models, 5)
         _, infos = env.reset(seed=1)
         for *_, mask, _, _, _, _, _ in trace(env, infos, 17, 0):
@@ -394,8 +388,11 @@ class TestRestoring:
 
     def test_facts_beyond_64_bits_are_kept(self):
         facts = Facts(tuple(f"f{i}" for i in range(100)))
-        skills = [make_skill(facts, "end", add=("f99",)), make_skill(facts, "go", add=("f0",))]
-        task = make_task(facts, skills, initial=("f70",), goal=("f99",))
+        skills = [
+            situations.make_skill(facts, "end", add=("f99",)),
+            situations.make_skill(facts, "go", add=("f0",)),
+        ]
+        task = situations.make_task(facts, skills, initial=("f70",), goal=("f99",))
         env = SkillVectorEnv(make_model(task), 1)
         env.reset(seed=0)
         env.step(np.array([1]))
@@ -421,7 +418,7 @@ class TestRestoring:
         ],
     )
     def test_what_is_no_such_state_is_refused_and_changes_nothing(self, change, message):
-        env = SkillVectorEnv(model_of(two_roads_task()), 2)
+        env = SkillVectorEnv(situations.model_of(situations.two_roads_task()), 2)
         env.reset(seed=0)
         before, broken = env.state(), env.state()
         change(broken)
@@ -448,9 +445,9 @@ class TestLaziness:
         assert len(tried) > 500
 
     def test_back_ends_are_asked_only_about_what_is_tried(self):
-        task = two_roads_task()
-        back_end = fake_back_end(task)
-        env = SkillVectorEnv(model_of(task, back_end), 3)
+        task = situations.two_roads_task()
+        back_end = situations.fake_back_end(task)
+        env = SkillVectorEnv(situations.model_of(task, back_end), 3)
         env.reset(seed=0)
         assert [] == back_end.asked
         env.step(np.array([0, 0, 0]))
@@ -481,7 +478,10 @@ class TestLaziness:
 
 class TestFamily:
     def test_every_episode_draws_one_of_the_models(self):
-        models = [model_of(two_roads_task().replace(name=name)) for name in ("a", "b", "c")]
+        models = [
+            situations.model_of(situations.two_roads_task().replace(name=name))
+            for name in ("a", "b", "c")
+        ]
         env = SkillVectorEnv(models, 2)
         env.reset(seed=0)
         drawn = []
@@ -492,12 +492,12 @@ class TestFamily:
         assert counts.min() > 90
 
     def test_boards_of_other_layouts_tell_themselves_apart_by_their_costs(self):
-        content = config_content("inverter_board")
+        content = situations.config_content("inverter_board")
         content.pop("expect")
         boards = []
         for shift_m in (0.0, 0.01):
             content["parts"]["clock"]["start_m"][0] += shift_m
-            boards.append(assembly(content))
+            boards.append(situations.assembly(content))
         env = SkillVectorEnv([make_model(board) for board in boards], 20, observation="layout")
         obs, _ = env.reset(seed=0)
         assert 2 == len(np.unique(obs, axis=0))
@@ -505,7 +505,7 @@ class TestFamily:
         assert 1 == len(np.unique(blind.reset(seed=0)[0], axis=0))
 
     def test_models_that_do_not_fit_each_other_are_refused(self, board_task):
-        two_roads = two_roads_task()
+        two_roads = situations.two_roads_task()
         renamed = [dataclasses.replace(two_roads.skills[0], name="up"), *two_roads.skills[1:]]
         others = {
             "facts": board_task,
@@ -516,7 +516,7 @@ class TestFamily:
         }
         for what, other in others.items():
             with pytest.raises(OptionError, match=f"cannot be learned together: their {what} diff"):
-                SkillVectorEnv([model_of(two_roads), make_model(other)], 1)
+                SkillVectorEnv([situations.model_of(two_roads), make_model(other)], 1)
 
 
 class TestMisuse:
@@ -524,10 +524,10 @@ class TestMisuse:
         with pytest.raises(ValueError, match="at least one model and one place"):
             SkillVectorEnv([], 1)
         with pytest.raises(ValueError, match="at least one model and one place"):
-            SkillVectorEnv(model_of(two_roads_task()), 0)
+            SkillVectorEnv(situations.model_of(situations.two_roads_task()), 0)
 
     def test_nothing_goes_before_the_first_reset(self):
-        env = SkillVectorEnv(model_of(two_roads_task()), 1)
+        env = SkillVectorEnv(situations.model_of(situations.two_roads_task()), 1)
         with pytest.raises(gymnasium.error.ResetNeeded, match="must be reset"):
             env.step(np.array([0]))
         with pytest.raises(gymnasium.error.ResetNeeded, match="must be reset"):
@@ -550,13 +550,13 @@ class TestMisuse:
                 use()
 
     def test_there_is_one_seed_for_every_place(self):
-        env = SkillVectorEnv(model_of(two_roads_task()), 2)
+        env = SkillVectorEnv(situations.model_of(situations.two_roads_task()), 2)
         with pytest.raises(ValueError, match="2 places, but 3 seeds"):
             env.reset(seed=[1, 2, 3])
 
     @pytest.mark.parametrize("actions", [[0], [0, 4], [-1, 0], [0.0, 1.0], [[0, 1]]])
     def test_there_is_one_existing_action_for_every_place(self, actions):
-        env = SkillVectorEnv(model_of(two_roads_task()), 2)
+        env = SkillVectorEnv(situations.model_of(situations.two_roads_task()), 2)
         env.reset(seed=0)
         before = env.state()
         with pytest.raises(gymnasium.error.InvalidAction):
@@ -569,8 +569,8 @@ class TestMisuse:
                 raise OSError("no answer")
             return Verdict.feasible(state.facts.none, state.facts.none)
 
-        task = two_roads_task()
-        env = SkillVectorEnv(model_of(task, fake_back_end(task, answer)), 2)
+        task = situations.two_roads_task()
+        env = SkillVectorEnv(situations.model_of(task, situations.fake_back_end(task, answer)), 2)
         env.reset(seed=0)
         before = env.state()
         with pytest.raises(BackEndError, match="no answer"):

@@ -15,18 +15,10 @@ from example_count import examples
 from handovers import BY_CHART, CONFIGS, best, solved
 from random_boards import board_text, seed_blocks
 from situations import assembly, crowded_assemblies, model_of
+from skillplan import exporters
 from skillplan.collision import AabbDetector
 from skillplan.domains.assembly import AssemblyConfig, BoardGenerator, ground
 from skillplan.errors import OptionError
-from skillplan.exporters import (
-    ActionNames,
-    ConsistentStates,
-    Handover,
-    NoActionCosts,
-    PddlExporter,
-    PlanningTask,
-    choose_scale,
-)
 from skillplan.judge import fast_downward
 from skillplan.model import replay
 from skillplan.pipeline import Setup, export_files, load_problem, make_handover, make_model, solve
@@ -48,7 +40,7 @@ def planner():
         pytest.skip(str(missing))
 
 
-def handed(name: str, setup: Setup = BY_CHART) -> Handover:
+def handed(name: str, setup: Setup = BY_CHART) -> exporters.Handover:
     """Return a config without a plan."""
     model = make_model(load_problem(CONFIGS / f"{name}.yaml").task, setup)
     return make_handover(model, setup, None)
@@ -60,10 +52,10 @@ def generated(parts: int, seed: int) -> Task:
     return ground(AssemblyConfig.model_validate(content), "")
 
 
-def agrees(handover: Handover) -> None:
+def agrees(handover: exporters.Handover) -> None:
     """Compare Fast Downward's optimum with ours: they differ by rounding alone."""
     assert handover.plan is not None
-    planning_task = PlanningTask(handover, accept_rounding=True)
+    planning_task = exporters.PlanningTask(handover, accept_rounding=True)
     answer = fast_downward.run_planner(planning_task, 140.0)
     assert answer.cost is not None, answer.silence
     per_unit = planning_task.scale.per_unit
@@ -119,7 +111,7 @@ def bridge_content() -> Any:
 class TestTheTexts:
     def test_there_is_an_action_a_skill_with_where_the_robot_stands_alone(self, board):
         """The chart is written out, and no list of a type is empty."""
-        domain = PlanningTask(board).domain()
+        domain = exporters.PlanningTask(board).domain()
         assert 16 == domain.count("(:action ")
         assert {"(?from - location)"} == set(re.findall(r":parameters (\(.*\))", domain))
         brace = domain.partition("(:action place_brace")[2].partition("(:action")[0]
@@ -130,7 +122,7 @@ class TestTheTexts:
 
     def test_no_name_means_two_things(self, board):
         """A type, a predicate and an action of one name are an error to many planners."""
-        domain = PlanningTask(board).domain()
+        domain = exporters.PlanningTask(board).domain()
         types = re.search(r"\(:types (.*) - object\)", domain)
         assert types
         names = types[1].split() + re.findall(r"\(:action (\S+)", domain)
@@ -139,7 +131,7 @@ class TestTheTexts:
 
     def test_costs_are_whole_micrometres_and_the_file_says_by_how_much_they_are_off(self, board):
         """The plan costs 1.867086 m."""
-        planning_task = PlanningTask(board)
+        planning_task = exporters.PlanningTask(board)
         assert planning_task.plan().endswith("; cost = 1867086 (general cost)\n")
         assert "(= (cost-place_pcb location_pcb_start) 144000)" in planning_task.problem()
         assert "; Costs are in whole micrometres, rounded to the nearest." in planning_task.domain()
@@ -147,17 +139,17 @@ class TestTheTexts:
 
     def test_every_name_stands_beside_its_identifier(self, board):
         """So that whoever reads the file knows what was meant."""
-        assert ';   pick_switch_1 = "pick(switch_1)"\n' in PlanningTask(board).domain()
+        assert ';   pick_switch_1 = "pick(switch_1)"\n' in exporters.PlanningTask(board).domain()
 
     def test_a_time_is_in_whole_microseconds(self):
         """Of the task's own figures, where the chart judges and nobody tells times."""
-        planning_task = PlanningTask(handed("inverter_time"))
+        planning_task = exporters.PlanningTask(handed("inverter_time"))
         assert "whole microseconds" in planning_task.domain()
 
     def test_a_matrix_of_whole_numbers_is_not_rounded(self):
         """And a node that cannot be reached from another has no cost from there."""
         model = make_model(load_problem(CONFIGS / "br17.10.sop").task, Setup())
-        planning_task = PlanningTask(make_handover(model, Setup(), None))
+        planning_task = exporters.PlanningTask(make_handover(model, Setup(), None))
         assert "not rounded" in planning_task.domain()
         assert "(from-visit_1 ?from - thing)" in planning_task.domain()
 
@@ -172,8 +164,8 @@ class TestConditionsAndCosts:
         task, rng = assembly(content), random.Random(seed)
         by_boxes = AabbDetector(task, AabbDetector.Options(check_support=rng.random() < 0.7))
         model = model_of(task, by_boxes)
-        actions = PlanningTask(Handover(model), accept_rounding=True).variants
-        states, facts = ConsistentStates(task), task.facts
+        actions = exporters.PlanningTask(exporters.Handover(model), accept_rounding=True).variants
+        states, facts = exporters.ConsistentStates(task), task.facts
         for _ in range(40):
             skill = rng.choice(task.skills)
             needs, bars = skill.precondition.requires.bits, skill.precondition.forbids.bits
@@ -195,14 +187,18 @@ class TestConditionsAndCosts:
 
     def test_which_tool_is_put_back_decides_what_a_change_costs(self):
         """Also in a rack of equal pitch, where the shortest way is the same for two tools."""
-        domain = PlanningTask(make_handover(model_of(rack_task()), BY_CHART, None)).domain()
+        domain = exporters.PlanningTask(
+            make_handover(model_of(rack_task()), BY_CHART, None)
+        ).domain()
         loads = set(re.findall(r"\(:action (load_b\S*)", domain))
         assert {"load_b-tool_a", "load_b-tool_c"} == loads
 
     def test_a_choice_of_supports_is_an_action_each(self):
         """A plate stays up on any two of three posts that are not on one side."""
         task = assembly(bridge_content())
-        planning_task = PlanningTask(make_handover(make_model(task, BY_BOXES), BY_BOXES, None))
+        planning_task = exporters.PlanningTask(
+            make_handover(make_model(task, BY_BOXES), BY_BOXES, None)
+        )
         domain = planning_task.domain()
         actions = re.findall(r"\(:action (place_plate\S*)\s.*\s.*:precondition (.*)", domain)
         assert ["place_plate-case_1", "place_plate-case_2"] == [name for name, _ in actions]
@@ -212,7 +208,7 @@ class TestConditionsAndCosts:
 
     def test_an_action_names_its_skill_without_asking_back_ends(self):
         """Whatever tells the actions of a skill apart stands behind a hyphen."""
-        names = ActionNames(rack_task())
+        names = exporters.ActionNames(rack_task())
         assert "load(b)" == names.skill_of("LOAD_B-TOOL_A")
         assert names.skill_of("load_z-tool_a") is None
 
@@ -223,21 +219,23 @@ class TestWhatPddlCannotSay:
         with pytest.raises(
             OptionError, match=r"pick\(switch_1\) is left to chance.*grasp_failure=0"
         ):
-            export_files(PddlExporter(), handed("inverter_grasps"))
+            export_files(exporters.PddlExporter(), handed("inverter_grasps"))
 
     def test_costs_that_planners_add_up_wrongly(self):
         """They have 32 bits; whole numbers are handed over as they are."""
-        with pytest.raises(NoActionCosts, match="32 bits"):
-            choose_scale([200.5], "m", 20)
-        assert choose_scale([3.0, 4.0], "", 20).exact
+        with pytest.raises(exporters.NoActionCosts, match="32 bits"):
+            exporters.choose_scale([200.5], "m", 20)
+        assert exporters.choose_scale([3.0, 4.0], "", 20).exact
 
     @pytest.mark.parametrize("small", [4e-7, 1.9e-5])
     def test_costs_that_rounding_may_hide_unless_that_is_accepted(self, small):
         """Twenty skills may be off by ten microseconds, and two plans against each other by 20."""
-        with pytest.raises(NoActionCosts, match=r"plans could change places.*accept_rounding=true"):
-            choose_scale([1.5, small, 0.0], "s", 20)
-        assert not choose_scale([1.5, small], "s", 20, accept_rounding=True).exact
-        assert not choose_scale([1.5, 2.1e-5, 0.0], "s", 20).exact
+        with pytest.raises(
+            exporters.NoActionCosts, match=r"plans could change places.*accept_rounding=true"
+        ):
+            exporters.choose_scale([1.5, small, 0.0], "s", 20)
+        assert not exporters.choose_scale([1.5, small], "s", 20, accept_rounding=True).exact
+        assert not exporters.choose_scale([1.5, 2.1e-5, 0.0], "s", 20).exact
 
 
 class TestFastDownward:
@@ -247,7 +245,7 @@ class TestFastDownward:
     def test_proves_the_step_limit_if_it_is_part_of_the_task(self, planner, limit):
         """The rack takes six skills; in five there is no plan."""
         model = make_model(rack_task().replace(step_limit=limit), BY_CHART)
-        counted = PlanningTask(make_handover(model, BY_CHART, None), count_steps=True)
+        counted = exporters.PlanningTask(make_handover(model, BY_CHART, None), count_steps=True)
         answer = fast_downward.run_planner(counted, 60.0)
         assert (2_540_905 if limit == 6 else None) == answer.cost
         assert (limit == 5) == answer.unsolvable
@@ -261,7 +259,9 @@ class TestFastDownward:
             task = load_problem(path).task
             setup = BY_BOXES if seed % 2 else BY_CHART
             if solve(task, "exact", setup).status is Status.INFEASIBLE:
-                planning_task = PlanningTask(make_handover(make_model(task, setup), setup, None))
+                planning_task = exporters.PlanningTask(
+                    make_handover(make_model(task, setup), setup, None)
+                )
                 assert fast_downward.run_planner(planning_task, 140.0).unsolvable, seed
             else:
                 agrees(solved(task, setup))
@@ -309,7 +309,7 @@ def test_a_validator_takes_the_plan_and_refuses_a_wrong_order(board):
     """Unified-planning reads domain, problem and plan, and knows what the plan costs."""
     io: Any = pytest.importorskip("unified_planning.io", reason="unified-planning: skillplan[test]")
     shortcuts: Any = pytest.importorskip("unified_planning.shortcuts")
-    planning_task = PlanningTask(board)
+    planning_task = exporters.PlanningTask(board)
     reader = io.PDDLReader()
     problem = reader.parse_problem_string(planning_task.domain(), planning_task.problem())
 

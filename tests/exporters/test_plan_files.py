@@ -5,14 +5,8 @@ import json
 import pytest
 
 from handovers import best
+from skillplan import exporters
 from skillplan.errors import OptionError
-from skillplan.exporters import (
-    MAX_BYTES,
-    BehaviourTreeExporter,
-    CsvExporter,
-    PddlExporter,
-    read_plan,
-)
 from skillplan.model import replay
 from skillplan.pipeline import read_given_plan
 from skillplan.testing import ExporterSuite, hostile_task, solved_lid
@@ -23,7 +17,10 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>' + TREE.format(
 OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]>' + TREE.format("&a;")
 
 
-@pytest.mark.parametrize("exporter", [CsvExporter(), PddlExporter(), BehaviourTreeExporter()])
+@pytest.mark.parametrize(
+    "exporter",
+    [exporters.CsvExporter(), exporters.PddlExporter(), exporters.BehaviourTreeExporter()],
+)
 def test_what_is_exported_is_read_back(board, tmp_path, exporter):
     """Names of files do not matter; of the lid task with hostile names, too."""
     for handover in (board, solved_lid(hostile_task())):
@@ -36,7 +33,10 @@ def test_what_is_exported_is_read_back(board, tmp_path, exporter):
 
 @pytest.mark.slow(reason="seconds a config; the board in every run")
 @pytest.mark.parametrize("config", CHARTED)
-@pytest.mark.parametrize("exporter", [CsvExporter(), PddlExporter(), BehaviourTreeExporter()])
+@pytest.mark.parametrize(
+    "exporter",
+    [exporters.CsvExporter(), exporters.PddlExporter(), exporters.BehaviourTreeExporter()],
+)
 def test_what_is_read_back_costs_exactly_what_it_did(tmp_path, exporter, config):
     """Of every config that goes by its chart."""
     handover = best(config)
@@ -54,7 +54,7 @@ def test_a_result_and_a_list_are_read_as_json(board, tmp_path):
     numbers = [entry.step.action for entry in board.skills]
     for document in ({"schema": "skillplan.result/1", "skills": names}, names, numbers):
         (tmp_path / "plan").write_text(json.dumps(document))
-        plan = read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
+        plan = exporters.read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
         assert names == [skill.name for skill in plan]
 
 
@@ -71,7 +71,7 @@ def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(board, tmp_path):
     text = TREE.format('<Sequence><Inverter><Do skill="pick(pcb)"/></Inverter><SubTree ID="two"/>')
     text = text.replace("</BehaviorTree>", f"</Sequence></BehaviorTree>{inner}")
     (tmp_path / "plan").write_text(text)
-    plan = read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
+    plan = exporters.read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
     assert ["pick(pcb)", "place(pcb)"] == [skill.name for skill in plan]
 
 
@@ -122,7 +122,7 @@ def test_what_is_too_large_or_no_file_is_not_read(board, tmp_path):
     """By its size alone."""
     path = tmp_path / "plan"
     with path.open("wb") as file:
-        file.truncate(MAX_BYTES + 1)
+        file.truncate(exporters.MAX_BYTES + 1)
     for name, message in ((path, "larger than"), (tmp_path, "folder"), ("no", "No such file")):
         with pytest.raises(OptionError, match=message):
             read_given_plan(f"@{name}", board.task)

@@ -12,21 +12,13 @@ from hypothesis import strategies as st
 
 from handovers import solved
 from situations import assembly
-from skillplan import Setup, load_problem
-from skillplan.exporters import (
-    COLUMNS,
-    BehaviourTreeExporter,
-    CsvExporter,
-    Handover,
-    StructuredTextExporter,
-    read_cell,
-)
+from skillplan import Setup, exporters, load_problem
 from skillplan.exporters.plan_table import _escape
 from skillplan.testing import hostile_task, lid_content, solved_lid
 
 
-def rows(handover: Handover) -> list[dict[str, str]]:
-    (text,) = CsvExporter().files(handover).values()
+def rows(handover: exporters.Handover) -> list[dict[str, str]]:
+    (text,) = exporters.CsvExporter().files(handover).values()
     assert isinstance(text, str)
     return list(csv.DictReader(io.StringIO(text)))
 
@@ -35,7 +27,7 @@ def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board):
     """Costs add up to the plan's, and times one after another; 12 digits hide binary noise."""
     result = rows(board)
     assert board.plan is not None
-    assert tuple(result[0]) == COLUMNS
+    assert tuple(result[0]) == exporters.COLUMNS
     assert sum(float(row["cost"]) for row in result) == pytest.approx(board.plan.cost, rel=1e-11)
     assert not any("00000" in cell for row in result for cell in row.values())
     assert {"m"} == {row["cost_unit"] for row in result}
@@ -52,7 +44,10 @@ def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board):
     assert all(row["from"] == before["to"] for before, row in pairwise(result))
 
 
-@pytest.mark.parametrize("exporter", [CsvExporter, StructuredTextExporter, BehaviourTreeExporter])
+@pytest.mark.parametrize(
+    "exporter",
+    [exporters.CsvExporter, exporters.StructuredTextExporter, exporters.BehaviourTreeExporter],
+)
 def test_a_file_without_paths_leaves_zones_to_the_controller_and_says_so(exporter, board):
     task = load_problem("configs/cell_zones.yaml").task
     zones = solved(task, Setup(collision=("aabb",)))
@@ -68,10 +63,10 @@ def test_a_stated_torque_reaches_the_controller():
     handover = solved(assembly(content))
     *others, fasten = rows(handover)
     assert (fasten["torque_nm"], {row["torque_nm"] for row in others}) == ("2.8", {""})
-    (tree,) = BehaviourTreeExporter().files(handover).values()
+    (tree,) = exporters.BehaviourTreeExporter().files(handover).values()
     assert 'torque_nm="2.8"' in tree
     assert '<input_port name="torque_nm"' in tree
-    (block,) = StructuredTextExporter().files(handover).values()
+    (block,) = exporters.StructuredTextExporter().files(handover).values()
     assert "Torque : REAL;" in block
     assert block.count("Torque := 0.0;") == len(others)
     assert "Torque := 2.8;" in block
@@ -88,4 +83,4 @@ def test_a_spreadsheet_computes_nothing_of_a_name():
 @given(st.text())
 def test_what_is_marked_is_read_back(text):
     """Whatever a name begins with."""
-    assert text == read_cell(_escape(text))
+    assert text == exporters.read_cell(_escape(text))

@@ -4,26 +4,13 @@ import math
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import situations
 from example_count import examples
-from situations import (
-    FakeSetup,
-    assembly,
-    cheapest_by_length,
-    config_content,
-    fake_back_end,
-    make_skill,
-    make_task,
-    model_of,
-    optimum,
-    retry_task,
-    small_assemblies,
-    solver_that,
-    two_roads_task,
-)
 from skillplan.collision import PrecedenceDetector
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.judge import cross_examine, find_counterexample, referee
@@ -34,15 +21,15 @@ from skillplan.solvers import stop as stops
 from skillplan.task import Condition, Facts, Verdict
 from skillplan.testing import lid_content
 
-BARE = FakeSetup()
+BARE = situations.FakeSetup()
 GOOD, DEAR = ("to_a", "a_to_b", "finish"), ("to_b", "finish")
 
 
 def verdict_on(solution, task=None, setup=BARE, **arguments):
     """Return what the referee makes of a solution to the task of two roads."""
-    task = two_roads_task() if task is None else task
+    task = situations.two_roads_task() if task is None else task
     result = solution if callable(solution) else lambda solver, model: solution
-    return solve(task, solver_that(result), setup, **arguments)
+    return solve(task, situations.solver_that(result), setup, **arguments)
 
 
 def test_an_honest_solver_is_granted_its_proof():
@@ -99,7 +86,7 @@ LIES = {
     ),
     "a policy names a skill of its own": (
         lambda solver, model: Solution(
-            Policy({model.initial: make_skill(model.task.facts, "jump", add=("done",))})
+            Policy({model.initial: situations.make_skill(model.task.facts, "jump", add=("done",))})
         ),
         "the policy is not one of this task: Unknown skill 'jump'",
     ),
@@ -123,20 +110,24 @@ def test_a_solver_is_caught_where(lie):
 
 def test_a_plan_over_the_step_limit_is_caught():
     """However cheap it is."""
-    result = verdict_on(Solution(Plan(GOOD, 3.0), 3.0, proved=True), two_roads_task(step_limit=2))
+    result = verdict_on(
+        Solution(Plan(GOOD, 3.0), 3.0, proved=True), situations.two_roads_task(step_limit=2)
+    )
     assert result.status == "wrong"
     assert "step-limit: the sequence has 3 skills, the limit is 2" in result.reason
 
 
 def test_the_shorter_plan_is_optimal_where_the_cheaper_one_is_too_long():
     """The referee's own search respects the step limit as well."""
-    result = verdict_on(Solution(Plan(DEAR, 4.0), 4.0, proved=True), two_roads_task(step_limit=2))
+    result = verdict_on(
+        Solution(Plan(DEAR, 4.0), 4.0, proved=True), situations.two_roads_task(step_limit=2)
+    )
     assert result.status == "optimal"
 
 
 def test_a_task_whose_start_is_its_goal_is_proved_at_cost_0():
     """The empty plan is no counterexample to itself."""
-    done = make_task(Facts(("done",)), [], initial=("done",), goal=("done",))
+    done = situations.make_task(Facts(("done",)), [], initial=("done",), goal=("done",))
     for result in (
         verdict_on(Solution(Plan((), 0.0), 0.0, proved=True), done),
         solve(done, "exact", BARE),
@@ -152,13 +143,13 @@ def test_a_task_whose_start_is_its_goal_is_proved_at_cost_0():
 
 def test_no_bound_above_0_is_granted_where_the_start_is_the_goal():
     """Then the empty plan does refute it."""
-    done = make_task(Facts(("done",)), [], initial=("done",), goal=("done",))
+    done = situations.make_task(Facts(("done",)), [], initial=("done",), goal=("done",))
     for solution in (Solution(None, 1.0), Solution(None, proved=True)):
         result = verdict_on(solution, done)
         assert result.status == "wrong"
         assert "claims that no plan costs less than" in result.reason
-    assert find_counterexample(model_of(done), 0.0) is None
-    assert find_counterexample(model_of(done), 1e-3) == []
+    assert find_counterexample(situations.model_of(done), 0.0) is None
+    assert find_counterexample(situations.model_of(done), 1e-3) == []
 
 
 def test_an_infeasible_step_is_caught():
@@ -172,9 +163,11 @@ def test_an_infeasible_step_is_caught():
                 return Verdict.infeasible("hits the wall", facts.none, facts.none)
             return Verdict.feasible(facts.none, facts.none)
 
-        return [fake_back_end(task, answer)]
+        return [situations.fake_back_end(task, answer)]
 
-    result = verdict_on(Solution(Plan(GOOD, 3.0), 3.0, proved=True), setup=FakeSetup(make=blocked))
+    result = verdict_on(
+        Solution(Plan(GOOD, 3.0), 3.0, proved=True), setup=situations.FakeSetup(make=blocked)
+    )
     assert result.status == "wrong"
     assert "fails at step 2 (a_to_b): fake: hits the wall" in result.reason
 
@@ -202,8 +195,10 @@ def test_a_forged_skill_cannot_be_cheaper_either():
     def forge(solver, model):
         task = model.task
         cheap = {
-            task.facts.none: make_skill(task.facts, "to_b", add=("b",), cost=0.0),
-            task.facts.of("b"): make_skill(task.facts, "finish", add=("done",), cost=0.0),
+            task.facts.none: situations.make_skill(task.facts, "to_b", add=("b",), cost=0.0),
+            task.facts.of("b"): situations.make_skill(
+                task.facts, "finish", add=("done",), cost=0.0
+            ),
         }
         return Solution(Policy(cheap))
 
@@ -235,7 +230,7 @@ def test_a_policy_on_a_task_with_chance_is_worth_its_expected_cost():
     """Trying at 2 until it works with probability 1/4 costs 8."""
     result = verdict_on(
         lambda solver, model: Solution(Policy({model.initial: model.task.skills[0]})),
-        retry_task(0.25),
+        situations.retry_task(0.25),
     )
     assert result.status == "solved"
     assert result.cost == pytest.approx(8.0)
@@ -244,7 +239,7 @@ def test_a_policy_on_a_task_with_chance_is_worth_its_expected_cost():
 
 def test_a_sequence_for_a_task_with_chance_is_wrong():
     """It says nothing of what to do when it fails."""
-    result = verdict_on(Solution(Plan(("try",), 2.0)), retry_task(0.25))
+    result = verdict_on(Solution(Plan(("try",), 2.0)), situations.retry_task(0.25))
     assert result.status == "wrong"
     assert "needs a policy" in result.reason
 
@@ -253,14 +248,14 @@ def test_a_policy_on_a_task_with_chance_that_steps_into_the_impossible_is_wrong(
     """Also where only an unlikely outcome leads there."""
     facts = Facts(("slipped", "done"))
     skills = [
-        make_skill(
+        situations.make_skill(
             facts,
             "try",
             forbids=("slipped",),
             outcomes=[(0.9, ("done",), ()), (0.1, ("slipped",), ())],
         )
     ]
-    task = make_task(facts, skills, goal=("done",))
+    task = situations.make_task(facts, skills, goal=("done",))
     policy = {facts.none: skills[0], facts.of("slipped"): skills[0]}
     result = verdict_on(lambda solver, model: Solution(Policy(policy)), task)
     assert result.status == "wrong"
@@ -273,7 +268,7 @@ def undecided(task):
     def answer(skill, state):
         return Verdict.unknown("too slow") if skill.name == "to_a" else Verdict.feasible()
 
-    return [fake_back_end(task, answer)]
+    return [situations.fake_back_end(task, answer)]
 
 
 @pytest.mark.parametrize(
@@ -287,7 +282,7 @@ def test_an_unknown_met_on_the_way_takes_the_proof_away(solution, status):
         model.transitions(model.initial)
         return solution
 
-    result = verdict_on(look, setup=FakeSetup(make=undecided))
+    result = verdict_on(look, setup=situations.FakeSetup(make=undecided))
     assert (result.status, result.lower_bound) == (status, None)
     assert "unknown" in result.reason
     assert result.reason.endswith(": too slow")
@@ -297,7 +292,7 @@ def test_an_unknown_met_on_the_way_takes_the_proof_away(solution, status):
 @pytest.mark.parametrize("solver", ["exact", "exhaustive"])
 def test_the_built_in_solvers_prove_nothing_beyond_what_is_known(solver):
     """They find the expensive road and claim no more."""
-    result = solve(two_roads_task(), solver, FakeSetup(make=undecided))
+    result = solve(situations.two_roads_task(), solver, situations.FakeSetup(make=undecided))
     assert (result.status, result.cost) == ("solved", 4.0)
 
 
@@ -319,15 +314,15 @@ def test_a_bound_a_hair_too_high_is_caught_on_the_board(board_task):
 
 
 @settings(max_examples=examples(60))
-@given(content=small_assemblies(), factor=st.sampled_from([0.5, 0.999, 1.0, 1.001, 2.0]))
+@given(content=situations.small_assemblies(), factor=st.sampled_from([0.5, 0.999, 1.0, 1.001, 2.0]))
 def test_a_counterexample_is_found_exactly_where_there_is_one(content, factor):
     """On random assemblies without step limits that bind."""
-    task = assembly({**content, "step_limit": 40})
+    task = situations.assembly({**content, "step_limit": 40})
 
     def model():
-        return model_of(task, PrecedenceDetector(task))
+        return situations.model_of(task, PrecedenceDetector(task))
 
-    best = optimum(cheapest_by_length(model()))
+    best = situations.optimum(situations.cheapest_by_length(model()))
     bound = math.inf if best is None else best[0] * factor
     cheaper = find_counterexample(model(), bound)
     assert (cheaper is not None) == (best is not None and best[0] < bound - 1e-9)
@@ -343,10 +338,10 @@ def two_tries_task(**arguments):
     facts = Facts(("done",))
     outcomes = [(0.25, ("done",), ()), (0.75, (), ())]
     skills = [
-        make_skill(facts, "try", forbids=("done",), outcomes=outcomes, cost=2.0),
-        make_skill(facts, "sure", forbids=("done",), add=("done",), cost=5.0),
+        situations.make_skill(facts, "try", forbids=("done",), outcomes=outcomes, cost=2.0),
+        situations.make_skill(facts, "sure", forbids=("done",), add=("done",), cost=5.0),
     ]
-    return make_task(facts, skills, goal=("done",), **arguments)
+    return situations.make_task(facts, skills, goal=("done",), **arguments)
 
 
 def claims(skill, bound=None, proved=False):
@@ -399,8 +394,8 @@ def test_that_nothing_is_certain_to_arrive_can_be_proved_under_chance():
     """Where one slip in ten is for good."""
     facts = Facts(("slipped", "done"))
     outcomes = [(0.9, ("done",), ()), (0.1, ("slipped",), ())]
-    skills = [make_skill(facts, "try", forbids=("slipped", "done"), outcomes=outcomes)]
-    task = make_task(facts, skills, goal=("done",))
+    skills = [situations.make_skill(facts, "try", forbids=("slipped", "done"), outcomes=outcomes)]
+    task = situations.make_task(facts, skills, goal=("done",))
     assert verdict_on(claims(None, proved=True), task).status == "infeasible"
 
 
@@ -418,9 +413,11 @@ def test_a_proof_under_chance_is_not_granted_where_asking_is_dear():
     """Its audit would ask about every state."""
 
     def expensive(task):
-        return [fake_back_end(task, expensive=True)]
+        return [situations.fake_back_end(task, expensive=True)]
 
-    result = verdict_on(claims(SURE, 5.0, proved=True), two_tries_task(), FakeSetup(make=expensive))
+    result = verdict_on(
+        claims(SURE, 5.0, proved=True), two_tries_task(), situations.FakeSetup(make=expensive)
+    )
     assert (result.status, result.lower_bound) == ("solved", 5.0)
     assert result.reason == "where checks are expensive, a proof under chance is not audited"
 
@@ -432,9 +429,9 @@ def test_a_proof_under_chance_is_not_granted_where_the_audit_meets_an_unknown():
         def answer(skill, state):
             return Verdict.unknown("too slow") if skill.name == "sure" else Verdict.feasible()
 
-        return [fake_back_end(task, answer)]
+        return [situations.fake_back_end(task, answer)]
 
-    setup = FakeSetup(make=undecided_about_sure)
+    setup = situations.FakeSetup(make=undecided_about_sure)
     result = verdict_on(claims(TRY, 8.0, proved=True), two_tries_task(), setup)
     assert result.status == "solved"
     assert "unknown" in result.reason
@@ -447,8 +444,8 @@ def test_the_dynamic_programs_are_believed_on_boards_whose_grasps_fail(solver, f
     content = lid_content()
     content["robot"]["look_m"] = [0.3, 0.0]
     content["parts"]["fuse"]["grasp_failure"] = failure
-    result = solve(assembly(content), solver)
-    sure = solve(assembly(lid_content()))
+    result = solve(situations.assembly(content), solver)
+    sure = solve(situations.assembly(lid_content()))
     assert result.status == "optimal"
     # To try again at once, home and back, is one of the policies.
     more = 2 * math.dist((0.4, 0.2), (0.3, 0.0)) * failure / (1 - failure)
@@ -566,20 +563,20 @@ def test_what_is_neither_plan_nor_policy_is_wrong(rubbish):
 
 def test_a_solver_that_fails_to_say_whether_it_serves_is_named():
     """A refusal is a sentence, not an exception."""
-    solver = solver_that(lambda solver, model: Solution())
+    solver = situations.solver_that(lambda solver, model: Solution())
     type(solver).refuses = lambda self, model: 1 / 0
     with pytest.raises(SkillplanError, match="The solver 'fake' failed: ZeroDivisionError"):
-        solve(two_roads_task(), solver, BARE)
+        solve(situations.two_roads_task(), solver, BARE)
 
 
 def test_a_back_end_that_breaks_is_not_blamed_on_the_solver():
     """The error names the back end and has an exit code of its own."""
 
     def broken(task):
-        return [fake_back_end(task, lambda skill, state: 1 / 0, name="wobbly")]
+        return [situations.fake_back_end(task, lambda skill, state: 1 / 0, name="wobbly")]
 
     with pytest.raises(BackEndError, match="'wobbly' failed"):
-        solve(two_roads_task(), "exact", FakeSetup(make=broken))
+        solve(situations.two_roads_task(), "exact", situations.FakeSetup(make=broken))
 
 
 def test_the_referee_queries_cheap_back_ends_again_but_no_expensive_ones():
@@ -589,11 +586,13 @@ def test_the_referee_queries_cheap_back_ends_again_but_no_expensive_ones():
 
         def counting(task, expensive=expensive, made=created):
             made.append(
-                fake_back_end(task, Verdict.feasible(), name="counted", expensive=expensive)
+                situations.fake_back_end(
+                    task, Verdict.feasible(), name="counted", expensive=expensive
+                )
             )
             return [made[-1]]
 
-        result = solve(two_roads_task(), "exact", FakeSetup(make=counting))
+        result = solve(situations.two_roads_task(), "exact", situations.FakeSetup(make=counting))
         assert result.status == "optimal"
         (back_end,) = created
         assert (len(back_end.asked) == result.checks) is expensive
@@ -603,9 +602,69 @@ def test_the_referee_queries_cheap_back_ends_again_but_no_expensive_ones():
 @pytest.mark.slow(reason="walks the board by both solvers; every run proves so of the lid task")
 def test_a_config_changed_into_one_without_a_plan_is_proved_so():
     """By both solvers, and granted by the referee: a chart against the geometry."""
-    content = config_content("inverter_board")
+    content = situations.config_content("inverter_board")
     content["chart"] = [{"before": "brace", "after": ["transformer"]}]
-    task = assembly(content)
+    task = situations.assembly(content)
     setup = Setup(collision=("precedence", "aabb"))
     for solver in ("exact", "exhaustive"):
         assert solve(task, solver, setup).status == "infeasible"
+
+
+# The referee believes no claim, and a solution that cannot be read is a failure of its solver.
+
+
+def cheapest() -> tuple[tuple[str, ...], float]:
+    """Return the best plan of the task of two roads and what it costs."""
+    result = solve(situations.two_roads_task(), "exact")
+    assert result.cost is not None
+    return tuple(step.skill for step in result.steps), result.cost
+
+
+class TestPlainValues:
+    @pytest.mark.parametrize("claimed", [0.0, math.nan, math.inf, -1.0])
+    def test_a_wrong_cost_is_refuted(self, claimed):
+        """The referee replays the plan and adds its costs up itself."""
+        skills, _ = cheapest()
+        lie = situations.solver_that(lambda solver, model: Solution(Plan(skills, claimed)))
+        result = solve(situations.two_roads_task(), lie)
+        assert "wrong" == result.status
+        assert "the solver says its plan costs" in result.reason
+
+    def test_a_false_bound_proves_nothing(self):
+        """A bound below the cost of the plan does not prove it to be the best."""
+        skills, cost = cheapest()
+        lie = situations.solver_that(
+            lambda solver, model: Solution(Plan(skills, cost), cost / 2, True)
+        )
+        result = solve(situations.two_roads_task(), lie)
+        assert "wrong" == result.status
+        assert f"with the bound {cost / 2!r}" in result.reason
+
+    def test_numbers_of_numpy_become_those_of_python(self):
+        """The messages and the JSON document show plain figures."""
+        skills, cost = cheapest()
+        honest = situations.solver_that(
+            lambda solver, model: Solution(Plan(skills, np.float64(cost)), np.float64(cost), True)
+        )
+        result = solve(situations.two_roads_task(), honest)
+        assert ("optimal", cost) == (result.status, result.cost)
+        assert float is type(result.lower_bound)
+
+    @pytest.mark.parametrize(
+        ("solution", "words"),
+        [
+            (lambda: Solution(Plan(("a",), "cheap")), "its cost is a str, not a number"),
+            (lambda: Solution(lower_bound=[1]), "cannot be read|must be a number|real number"),
+            (lambda: Solution(None, None, "yes"), "its claim of a proof is 'yes'"),
+            (lambda: Solution(trace={"figure": math.nan}), "its trace is not JSON"),
+        ],
+    )
+    def test_what_is_no_claim_is_a_failure(self, solution, words):
+        """The solver has failed, in words."""
+        from skillplan.errors import SolverError
+
+        with pytest.raises(SolverError, match=words):
+            solve(
+                situations.two_roads_task(),
+                situations.solver_that(lambda solver, model: solution()),
+            )

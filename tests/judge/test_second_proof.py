@@ -2,37 +2,33 @@
 
 import itertools
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import situations
 from example_count import examples
+from handovers import best
 from sequencing_problems import random_problems
-from situations import (
-    assembly,
-    cheapest_by_length,
-    fake_back_end,
-    make_task,
-    model_of,
-    optimum,
-    small_assemblies,
-    small_tasks,
-    two_roads_task,
-)
 from skillplan.errors import NotASequencing
 from skillplan.judge import (
     ORDERS,
     STATES,
+    PlannerAnswer,
+    check_with_planner,
+    fast_downward,
     find_bound_of_orders,
     find_least_cost_of_orders,
     find_least_cost_of_states,
 )
 from skillplan.model import SequencingProblem
 from skillplan.pipeline import make_model, solve
-from skillplan.records import Status
-from skillplan.task import Verdict
+from skillplan.records import Claim, Outcome, Status, StoredClaims
+from skillplan.task import State, Verdict
 
 
 def problem_of(first, costs, precedence=(), step_limit=100):
@@ -124,11 +120,11 @@ class TestOrders:
 
 
 class TestStates:
-    @given(small_tasks())
+    @given(situations.small_tasks())
     def test_it_is_the_least_of_all_plans_within_the_step_limit(self, task):
         """As found by walking all of them; the plan holds and costs as much."""
-        least_cost = find_least_cost_of_states(model_of(task))
-        best = optimum(cheapest_by_length(model_of(task)))
+        least_cost = find_least_cost_of_states(situations.model_of(task))
+        best = situations.optimum(situations.cheapest_by_length(situations.model_of(task)))
         if best is None:
             assert (least_cost.cost, least_cost.skills) == (math.inf, ())
         else:
@@ -137,8 +133,12 @@ class TestStates:
 
     def test_a_step_limit_may_need_the_dearer_of_two_ways(self):
         """To a state as well as to the goal."""
-        assert find_least_cost_of_states(model_of(two_roads_task())).cost == 3.0
-        least_cost = find_least_cost_of_states(model_of(two_roads_task(step_limit=2)))
+        assert (
+            find_least_cost_of_states(situations.model_of(situations.two_roads_task())).cost == 3.0
+        )
+        least_cost = find_least_cost_of_states(
+            situations.model_of(situations.two_roads_task(step_limit=2))
+        )
         assert (least_cost.cost, least_cost.skills) == (4.0, ("to_b", "finish"))
 
     def test_too_many_states_are_given_up(self, board_task):
@@ -158,18 +158,18 @@ class TestStates:
 
     def test_what_no_back_end_can_decide_proves_nothing(self):
         """A skill left out might be on the best way."""
-        task = two_roads_task()
-        unsure = fake_back_end(task, lambda skill, state: Verdict.unknown("cannot tell"))
-        least_cost = find_least_cost_of_states(model_of(task, unsure))
+        task = situations.two_roads_task()
+        unsure = situations.fake_back_end(task, lambda skill, state: Verdict.unknown("cannot tell"))
+        least_cost = find_least_cost_of_states(situations.model_of(task, unsure))
         assert (least_cost.cost, least_cost.why_not) == (None, "some verdicts are unknown")
 
 
 @settings(max_examples=examples(100))
-@given(small_assemblies())
+@given(situations.small_assemblies())
 @pytest.mark.slow(reason="many boards; single proofs in every run")
 def test_both_agree_with_exact_search(content):
     """On small boards, also those without a plan."""
-    task = assembly(content)
+    task = situations.assembly(content)
     exact = solve(task, "exact")
     states = find_least_cost_of_states(make_model(task))
     expected = exact.cost if exact.status is Status.OPTIMAL else math.inf
@@ -184,7 +184,98 @@ def test_both_agree_with_exact_search(content):
 
 def test_a_task_that_is_done_costs_nothing():
     """In no step."""
-    facts = two_roads_task().facts
-    skills = two_roads_task().skills
-    task = make_task(facts, skills, initial=("done",), goal=("done",))
-    assert find_least_cost_of_states(model_of(task)).cost == 0.0
+    facts = situations.two_roads_task().facts
+    skills = situations.two_roads_task().skills
+    task = situations.make_task(facts, skills, initial=("done",), goal=("done",))
+    assert find_least_cost_of_states(situations.model_of(task)).cost == 0.0
+
+
+# Claims of all plans before a planner of others, which adds up rounded costs.
+
+
+MICROMETRES = 1_867_086
+
+
+def judged(monkeypatch: pytest.MonkeyPatch, answer: PlannerAnswer, **claims: Any) -> Claim:
+    """Return what a planner that answers so makes of claims on the inverter board."""
+    monkeypatch.setattr(fast_downward, "find_driver", lambda: Path())
+    monkeypatch.setattr(fast_downward, "run_planner", lambda made, limit_s: answer)
+    model = best("inverter_board").model
+    (claim,) = check_with_planner(stored(**claims), model, 1.0, charted=True)
+    return claim
+
+
+def stored(**claims: Any) -> StoredClaims:
+    """Return claims of a result; those not given are not made."""
+    none = dict.fromkeys(("cost", "lower_bound", "gap", "makespan", "makespan_s"))
+    stated = {"solver": "exact", "cost_unit": "m", "skills": [], "actions": [], "steps": []}
+    return StoredClaims.model_validate(
+        {**none, **stated, **claims, "status": Status(claims["status"])}
+    )
+
+
+def answer(cost: int = MICROMETRES) -> PlannerAnswer:
+    """Return the answer of a planner that finds the optimum."""
+    return PlannerAnswer(cost, tuple(skill.skill.name for skill in best("inverter_board").skills))
+
+
+def test_an_optimum_within_the_rounding_holds(monkeypatch):
+    """Half a micrometre a skill."""
+    plan = best("inverter_board").plan
+    assert plan is not None
+    claim = judged(monkeypatch, answer(MICROMETRES + 7), status="optimal", cost=plan.cost)
+    assert (Outcome.HOLDS, True) == (claim.outcome, "rounded by at most 7.5e-06" in claim.detail)
+
+
+def test_rounding_hides_no_better_plan(monkeypatch):
+    """An optimum that is 5 um too dear is within the rounding, and the planner's plan is not."""
+    claim = judged(monkeypatch, answer(), status="optimal", cost=MICROMETRES / 1e6 + 5e-6)
+    assert (Outcome.FAILS, True) == (claim.outcome, claim.contradiction)
+    assert "its plan costs 1.86708" in claim.detail
+
+
+def test_a_cost_that_no_plan_has_fails(monkeypatch):
+    claim = judged(monkeypatch, answer(), status="optimal", cost=MICROMETRES / 1e6 - 1e-5)
+    assert (Outcome.FAILS, True) == (claim.outcome, "no plan costs so little" in claim.detail)
+
+
+@pytest.mark.parametrize(
+    ("bound", "outcome"), [(1.8, Outcome.HOLDS), (1.9, Outcome.FAILS), (None, Outcome.HOLDS)]
+)
+def test_a_search_that_was_ended_answers_for_its_bound_alone(monkeypatch, bound, outcome):
+    """That the planner finds a plan and the search did not is no contradiction."""
+    assert outcome is judged(monkeypatch, answer(), status="unsolved", lower_bound=bound).outcome
+
+
+def test_a_plan_refutes_that_there_is_none(monkeypatch):
+    claim = judged(monkeypatch, answer(), status="infeasible")
+    assert Outcome.FAILS is claim.outcome
+
+
+def test_a_lower_proved_cost_is_a_contradiction_even_if_the_plan_behind_it_does_not_hold(
+    monkeypatch,
+):
+    """The files state the task as the model does, so that one of the two is wrong."""
+    wrong = PlannerAnswer(MICROMETRES - 1000, answer().skills[::-1])
+    claim = judged(monkeypatch, wrong, status="optimal", cost=MICROMETRES / 1e6)
+    assert (Outcome.FAILS, True) == (claim.outcome, claim.contradiction)
+    assert "its plan fails at fasten(screw_2): needs tool(screwdriver)" in claim.detail
+
+
+def test_what_pddl_cannot_say_is_not_checked_and_no_planner_is_asked(monkeypatch):
+    """A verdict that is not known may be either."""
+    queries: list[object] = []
+    monkeypatch.setattr(fast_downward, "find_driver", lambda: Path())
+    monkeypatch.setattr(fast_downward, "run_planner", lambda *words: queries.append(words))
+    task = best("inverter_board").task
+
+    feasible = Verdict.feasible(task.facts.none, task.facts.none)
+
+    def answer_pick(skill: Any, state: State) -> Verdict:
+        return Verdict.unknown("no path in time") if skill.name == "pick(pcb)" else feasible
+
+    claims = stored(status="optimal", cost=1.0)
+    model = situations.model_of(task, situations.fake_back_end(task, answer_pick))
+    (claim,) = check_with_planner(claims, model, 1.0, charted=False)
+    assert (Outcome.NOT_CHECKED, []) == (claim.outcome, queries)
+    assert claim.detail.startswith("PDDL cannot say it: verdicts are not known: pick(pcb) (fake:")

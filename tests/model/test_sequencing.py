@@ -9,18 +9,9 @@ import pytest
 from hypothesis import assume, event, given, reject, settings
 from hypothesis import strategies as st
 
+import situations
 from example_count import examples
 from sequencing_cases import changed_board, cheapest_order, sound, strict_back_end
-from situations import (
-    CONFIGS,
-    FakeSetup,
-    assembly,
-    config_content,
-    crowded_assemblies,
-    fake_back_end,
-    make_skill,
-    small_assemblies,
-)
 from skillplan.chart import closure, derive_chart
 from skillplan.errors import NotASequencing, OptionError
 from skillplan.model import SequencingProblem, replay
@@ -116,7 +107,7 @@ def test_shapes_that_do_not_fit_are_refused():
 
 
 BOARDS = ["inverter_board", "motor_drive", "relay_rail", "battery_module", "sensor_stack"]
-INSTANCES = CONFIGS.parent / "tests" / "instances" / "sop"
+INSTANCES = situations.CONFIGS.parent / "tests" / "instances" / "sop"
 
 
 def named_pairs(problem):
@@ -147,12 +138,14 @@ def served(task, setup):
 
 @settings(max_examples=examples(150))
 @given(
-    content=st.one_of(small_assemblies(), crowded_assemblies(odd_turns=False)),
+    content=st.one_of(
+        situations.small_assemblies(), situations.crowded_assemblies(odd_turns=False)
+    ),
     charted=st.booleans(),
 )
 def test_on_random_boards_its_precedence_is_that_of_the_derived_chart(content, charted):
     """Wherever the chart says that there is an order and nothing but an order."""
-    task = assembly(content)
+    task = situations.assembly(content)
     setup = Setup(collision=("precedence",) if charted and task.chart else ("aabb",))
     chart = derive_chart(served(task, setup).feasibility)
     assume(not (chart.impossible or chart.undecided or chart.conditional or chart.cycle))
@@ -198,7 +191,7 @@ def big_board(parts, lines):
 
 def test_a_big_board_takes_about_one_check_a_skill_and_line_of_its_chart():
     """Neither pairs of parts nor sets of them are gone through."""
-    task = assembly(big_board(60, 5))
+    task = situations.assembly(big_board(60, 5))
     model = make_model(task, Setup(collision=("precedence",)))
     problem = SequencingProblem.from_model(model)
     lines = len(task.chart)
@@ -246,14 +239,16 @@ def test_an_order_whose_plan_is_too_long_does_not_fit():
 
 def refusal(task, *answers):
     """Return why a task is refused where fakes answer so."""
-    setup = FakeSetup(make=lambda task: [fake_back_end(task, answer) for answer in answers])
+    setup = situations.FakeSetup(
+        make=lambda task: [situations.fake_back_end(task, answer) for answer in answers]
+    )
     with pytest.raises(NotASequencing) as refused:
         SequencingProblem.from_model(make_model(task, setup))
     return str(refused.value)
 
 
 def board_task(**changes):
-    return assembly({**config_content("inverter_board"), **changes})
+    return situations.assembly({**situations.config_content("inverter_board"), **changes})
 
 
 def without_goal(task, element):
@@ -285,7 +280,7 @@ def test_an_element_that_may_pay_without_being_asked_for_is_refused():
     """Placing it costs nothing and takes the arm where it has to go."""
     task = without_goal(board_task(), "clock")
     skills = [
-        replace(skill, cost=make_skill(task.facts, "free", cost=0.0).cost)
+        replace(skill, cost=situations.make_skill(task.facts, "free", cost=0.0).cost)
         if skill.name in ("pick(clock)", "place(clock)")
         else skill
         for skill in task.skills
@@ -381,12 +376,14 @@ def test_one_of_two_supports_is_no_precedence_and_refused():
 
 @settings(max_examples=examples(150))
 @given(
-    content=st.one_of(small_assemblies(), crowded_assemblies(odd_turns=False)),
+    content=st.one_of(
+        situations.small_assemblies(), situations.crowded_assemblies(odd_turns=False)
+    ),
     detectors=st.sampled_from([("aabb",), ("precedence", "aabb"), ("precedence",)]),
 )
 def test_it_is_refused_or_exactly_the_orders_it_allows_are_feasible(content, detectors):
     """On random assemblies, every order of the jobs is replayed in the model."""
-    task = assembly(content).replace(step_limit=100)
+    task = situations.assembly(content).replace(step_limit=100)
     if not task.chart:
         detectors = ("aabb",)
     model = served(task, Setup(collision=detectors))
@@ -441,31 +438,35 @@ def check_against_exact_search(task, setup):
 
 @settings(max_examples=examples(100))
 @given(
-    content=st.one_of(small_assemblies(), crowded_assemblies(odd_turns=False)),
+    content=st.one_of(
+        situations.small_assemblies(), situations.crowded_assemblies(odd_turns=False)
+    ),
     detectors=st.sampled_from([("aabb",), ("precedence", "aabb"), ("precedence",)]),
 )
 def test_the_best_order_of_a_board_is_its_best_plan(content, detectors):
     """Boards with feeders, stacks, any tool change, collisions and tight step limits."""
     assume(len(content["parts"]) + len(content["screws"]) <= 5)
-    task = assembly(content)
+    task = situations.assembly(content)
     check_against_exact_search(task, Setup(collision=detectors if task.chart else ("aabb",)))
 
 
 @settings(max_examples=examples(200))
-@given(content=small_assemblies(), seed=st.integers(0, 2**32), changes=st.integers(1, 3))
+@given(content=situations.small_assemblies(), seed=st.integers(0, 2**32), changes=st.integers(1, 3))
 def test_what_is_almost_a_board_is_refused_or_its_best_order_is_its_best_plan(
     content, seed, changes
 ):
     """Skills that undo, repeat or stand in for others, odd costs, elements left out of the goal."""
     task = changed_board(content, seed, changes)
     assume(sound(task))
-    check_against_exact_search(task, FakeSetup(make=lambda task: []))
+    check_against_exact_search(task, situations.FakeSetup(make=lambda task: []))
 
 
 @settings(max_examples=examples(200))
-@given(content=small_assemblies(), seed=st.integers(0, 2**32), changes=st.integers(0, 1))
+@given(content=situations.small_assemblies(), seed=st.integers(0, 2**32), changes=st.integers(0, 1))
 def test_whatever_back_ends_rule_the_best_order_is_the_best_plan(content, seed, changes):
     """Verdicts that rest on any facts, also on such as no order decides about."""
     task = changed_board(content, seed, changes)
     assume(sound(task))
-    check_against_exact_search(task, FakeSetup(make=lambda task: [strict_back_end(task, seed)]))
+    check_against_exact_search(
+        task, situations.FakeSetup(make=lambda task: [strict_back_end(task, seed)])
+    )

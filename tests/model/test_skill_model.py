@@ -5,16 +5,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 
-from situations import (
-    assembly,
-    fake_back_end,
-    make_skill,
-    make_task,
-    model_of,
-    retry_task,
-    small_assemblies,
-    two_roads_task,
-)
+import situations
 from skillplan.checks import Feasibility
 from skillplan.domains.assembly import AssemblyConfig, ground
 from skillplan.errors import SearchStopped
@@ -26,7 +17,7 @@ from skillplan.testing import lid_content, lid_task, reachable_states, shut_box_
 
 def test_a_transition_leads_somewhere_at_a_cost():
     """Both checks of its constructor."""
-    task = two_roads_task()
+    task = situations.two_roads_task()
     state, skill = task.initial, task.skills[0]
     with pytest.raises(ValueError, match="probabilities must sum to 1"):
         Transition(state, skill, ((0.5, state),), 1.0, 1.0)
@@ -39,9 +30,9 @@ def test_a_transition_leads_somewhere_at_a_cost():
 
 def test_what_is_applicable_asks_nobody():
     """Nor does a predicted transition, nor the goal."""
-    task = two_roads_task()
-    back_end = fake_back_end(task)
-    model = model_of(task, back_end)
+    task = situations.two_roads_task()
+    back_end = situations.fake_back_end(task)
+    model = situations.model_of(task, back_end)
     assert [s.name for s in model.applicable(model.initial)] == ["to_a", "to_b"]
     assert model.transition(model.initial, task.skills[0]).cost == 1.0
     assert not model.is_goal(model.initial)
@@ -51,9 +42,9 @@ def test_what_is_applicable_asks_nobody():
 
 def test_transitions_ask_about_each_applicable_skill_once():
     """However often they are looked at."""
-    task = two_roads_task()
-    back_end = fake_back_end(task, Verdict.feasible())
-    model = model_of(task, back_end)
+    task = situations.two_roads_task()
+    back_end = situations.fake_back_end(task, Verdict.feasible())
+    model = situations.model_of(task, back_end)
     for _ in range(3):
         steps = model.transitions(model.initial)
     assert [name for name, _ in back_end.asked] == ["to_a", "to_b"]
@@ -66,31 +57,31 @@ def test_transitions_ask_about_each_applicable_skill_once():
 
 def test_what_is_unknown_is_left_out_and_counted():
     """What is infeasible is left out only."""
-    task = two_roads_task()
+    task = situations.two_roads_task()
 
     def answer(skill, state):
         if skill.name == "to_a":
             return Verdict.unknown("too slow")
         return Verdict.infeasible("blocked")
 
-    model = model_of(task, fake_back_end(task, answer))
+    model = situations.model_of(task, situations.fake_back_end(task, answer))
     assert model.transitions(model.initial) == ()
     assert model.stats.unknown == 1
 
 
 def test_a_skill_with_chance_leads_to_several_states():
     """The nominal one first."""
-    model = model_of(retry_task(0.25))
+    model = situations.model_of(situations.retry_task(0.25))
     (step,) = model.transitions(model.initial)
     assert [(p, str(s)) for p, s in step.outcomes] == [(0.25, "{done}"), (0.75, "{}")]
     assert str(step.next_state) == "{done}"
 
 
-@given(small_assemblies())
+@given(situations.small_assemblies())
 def test_the_bit_masks_of_the_model_agree_with_the_preconditions(content):
     """In every reachable state: applicable skills are those whose precondition holds."""
-    task = assembly(content)
-    model = model_of(task)
+    task = situations.assembly(content)
+    model = situations.model_of(task)
     for state in reachable_states(model, 200):
         expected = [skill for skill in task.skills if skill.precondition.holds(state)]
         assert expected == model.applicable(state)
@@ -101,7 +92,7 @@ def test_the_bit_masks_of_the_model_agree_with_the_preconditions(content):
 
 def test_a_solver_that_goes_on_long_after_the_stop_is_cut_off():
     """Wherever it asks, also about states that it has asked about before."""
-    task = two_roads_task()
+    task = situations.two_roads_task()
     overdue = [False]
     model = SkillModel(Feasibility(task), lambda: overdue[0])
     model.transitions(model.initial)
@@ -115,8 +106,10 @@ def test_a_solver_that_goes_on_long_after_the_stop_is_cut_off():
 def test_the_model_passes_on_what_its_task_says():
     """Initial state, step limit and goal."""
     facts = Facts(("a",))
-    task = make_task(facts, [make_skill(facts, "do", add=("a",))], goal=("a",), step_limit=7)
-    model = model_of(task)
+    task = situations.make_task(
+        facts, [situations.make_skill(facts, "do", add=("a",))], goal=("a",), step_limit=7
+    )
+    model = situations.model_of(task)
     assert (model.initial, model.step_limit) == (facts.none, 7)
     assert model.is_goal(facts.of("a"))
 

@@ -7,15 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from situations import (
-    fake_back_end,
-    graph_of,
-    make_skill,
-    make_task,
-    model_of,
-    retry_task,
-    small_tasks,
-)
+import situations
 from skillplan.checks import Feasibility
 from skillplan.errors import ModelTooLarge
 from skillplan.model import TabularMDP, enumerate_feasibility
@@ -107,12 +99,12 @@ def test_arrays_that_do_not_fit_are_refused(field, change):
 # The complete feasibility of a task.
 
 
-@given(task=small_tasks())
+@given(task=situations.small_tasks())
 def test_every_applicable_skill_is_asked_about_in_every_state_that_can_be_reached(task):
     """Counted independently, on the explicit graph."""
     task = task.replace(step_limit=1_000)
-    arrows = graph_of(model_of(task))
-    counts = enumerate_feasibility(Feasibility(task, [fake_back_end(task)]))
+    arrows = situations.graph_of(situations.model_of(task))
+    counts = enumerate_feasibility(Feasibility(task, [situations.fake_back_end(task)]))
     expected = sum(
         skill.applicable(state)
         for state in arrows
@@ -130,21 +122,21 @@ def test_what_the_step_limit_rules_out_is_not_asked():
     """No plan could use it."""
     facts = Facts(("a", "b", "done"))
     skills = [
-        make_skill(facts, "one", forbids=("a",), add=("a",)),
-        make_skill(facts, "two", requires=("a",), forbids=("b",), add=("b",)),
-        make_skill(facts, "three", requires=("b",), forbids=("done",), add=("done",)),
+        situations.make_skill(facts, "one", forbids=("a",), add=("a",)),
+        situations.make_skill(facts, "two", requires=("a",), forbids=("b",), add=("b",)),
+        situations.make_skill(facts, "three", requires=("b",), forbids=("done",), add=("done",)),
     ]
-    task = make_task(facts, skills, goal=("done",), step_limit=2)
+    task = situations.make_task(facts, skills, goal=("done",), step_limit=2)
     counts = enumerate_feasibility(Feasibility(task))
     assert (counts.states, counts.queries) == (2, 2)
 
 
 def test_an_infeasible_skill_leads_nowhere_and_an_unknown_one_is_counted():
     """As for a solver."""
-    task = retry_task(0.5)
+    task = situations.retry_task(0.5)
     answers = {"infeasible": Verdict.infeasible("no"), "unknown": Verdict.unknown("no idea")}
     for status, verdict in answers.items():
-        counts = enumerate_feasibility(Feasibility(task, [fake_back_end(task, verdict)]))
+        counts = enumerate_feasibility(Feasibility(task, [situations.fake_back_end(task, verdict)]))
         assert (counts.states, counts.queries, counts.feasible) == (1, 1, 0)
         assert counts.unknown == (status == "unknown")
 
@@ -153,15 +145,17 @@ def test_whatever_may_come_of_a_skill_is_followed():
     """Not the nominal outcome only."""
     facts = Facts(("luck", "misfortune"))
     outcomes = [(0.5, ("luck",), ()), (0.5, ("misfortune",), ())]
-    skill = make_skill(facts, "try", forbids=("luck", "misfortune"), outcomes=outcomes)
-    counts = enumerate_feasibility(Feasibility(make_task(facts, [skill], goal=("luck",))))
+    skill = situations.make_skill(facts, "try", forbids=("luck", "misfortune"), outcomes=outcomes)
+    counts = enumerate_feasibility(
+        Feasibility(situations.make_task(facts, [skill], goal=("luck",)))
+    )
     assert counts.states == 3
 
 
 def test_it_stops_when_it_is_told_to_and_counts_what_was_asked():
     """What has been decided stays in the cache."""
     task = lid_task()
-    back_end = fake_back_end(task)
+    back_end = situations.fake_back_end(task)
     feasibility = Feasibility(task, [back_end])
     counts = enumerate_feasibility(feasibility, lambda: len(back_end.asked) >= 3)
     assert (counts.complete, counts.checks) == (False, 3)
@@ -172,7 +166,7 @@ def test_it_stops_when_it_is_told_to_and_counts_what_was_asked():
 
 def test_counts_are_never_negative():
     """The check of its constructor."""
-    counts = enumerate_feasibility(Feasibility(retry_task(1)))
+    counts = enumerate_feasibility(Feasibility(situations.retry_task(1)))
     with pytest.raises(ValueError, match="fewer than 0"):
         replace(counts, states=-1)
 

@@ -7,38 +7,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.robots import (
-    PANDA,
-    UR5E,
-    ArmDescription,
-    Capsule,
-    Hull,
-    Rigid,
-    Rod,
-    UrdfError,
-    compute_link_frames,
-    read_urdf,
-)
+from skillplan import robots
 from skillplan.xml_tree import MAX_DEPTH, MAX_ELEMENTS
 from urdf_text import CAPSULE, joint, link, urdf, urdf_of
 
 
 def no_mesh(name, scale):
     """Return nothing: there is no file."""
-    raise UrdfError(f"there is no {name}")
+    raise robots.UrdfError(f"there is no {name}")
 
 
-def read(text, tip="flange", home_rad=None, mesh=no_mesh) -> ArmDescription:
-    return read_urdf(text.encode(), tip, home_rad, mesh)
+def read(text, tip="flange", home_rad=None, mesh=no_mesh) -> robots.ArmDescription:
+    return robots.read_urdf(text.encode(), tip, home_rad, mesh)
 
 
-def fault(text, tip="flange", home_rad=None) -> UrdfError:
-    with pytest.raises(UrdfError) as caught:
+def fault(text, tip="flange", home_rad=None) -> robots.UrdfError:
+    with pytest.raises(robots.UrdfError) as caught:
         read(text, tip, home_rad)
     return caught.value
 
 
-@pytest.mark.parametrize("arm", [PANDA, UR5E], ids=lambda arm: arm.name)
+@pytest.mark.parametrize("arm", [robots.PANDA, robots.UR5E], ids=lambda arm: arm.name)
 def test_a_description_that_is_written_as_a_urdf_is_read_back(arm):
     """Places of joints, axes, limits, masses and inertias; accelerations no URDF has."""
     back = read(urdf_of(arm), home_rad=arm.home_rad)
@@ -50,14 +39,14 @@ def test_a_description_that_is_written_as_a_urdf_is_read_back(arm):
         assert (first.speed_rad_per_s, first.torque_nm) == (other.speed_rad_per_s, other.torque_nm)
         assert first.link.mass_kg == pytest.approx(other.link.mass_kg)
         frame = other.link.frame
-        centre = Rigid.of(frame.xyz_m, frame.rpy_rad).apply(other.link.centre_m)
+        centre = robots.Rigid.of(frame.xyz_m, frame.rpy_rad).apply(other.link.centre_m)
         assert first.link.centre_m == pytest.approx(centre)
     assert_same(back.tip, arm.tip)
     assert back.home_rad == arm.home_rad
 
 
 def assert_same(this, other):
-    first, second = (Rigid.of(item.xyz_m, item.rpy_rad) for item in (this, other))
+    first, second = (robots.Rigid.of(item.xyz_m, item.rpy_rad) for item in (this, other))
     assert first.origin == pytest.approx(second.origin, abs=1e-12)
     for row, its in zip(first.rows, second.rows, strict=True):
         assert row == pytest.approx(its, abs=1e-12)
@@ -72,7 +61,7 @@ def test_a_home_is_found_where_none_is_given(limits):
         low <= angle <= high
         for low, angle, high in zip(arm.low_rad, arm.home_rad, arm.high_rad, strict=True)
     )
-    flange = compute_link_frames(arm, np.array([arm.home_rad]))[-1][0]
+    flange = robots.compute_link_frames(arm, np.array([arm.home_rad]))[-1][0]
     assert flange[2, 2] < -0.7
     assert read(text).home_rad == arm.home_rad
 
@@ -97,7 +86,7 @@ def test_what_is_fixed_to_a_link_is_part_of_it():
     # Two bodies of 1 kg, 0.25 m from their centre across y.
     assert carrier.tensor_kg_m2[1] == pytest.approx(2 * (0.01 + 0.25**2))
     hull = arm.shapes[4][1]
-    assert isinstance(hull, Hull)
+    assert isinstance(hull, robots.Hull)
     assert {round(x, 6) for x, _, _ in hull.corners_m} == {0.45, 0.55}
 
 
@@ -117,13 +106,13 @@ def test_shapes_are_boxes_balls_cylinders_and_meshes():
         return [((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
 
     arm = read(urdf(collisions={1: ball, 2: mesh}), mesh=pieces)
-    assert arm.shapes[1] == (Capsule((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), 0.05),)
+    assert arm.shapes[1] == (robots.Capsule((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), 0.05),)
     assert queries == [("a.stl", (2.0, 2.0, 2.0))]
     (hull,) = arm.shapes[2]
-    assert isinstance(hull, Hull)
+    assert isinstance(hull, robots.Hull)
     assert hull.corners_m[0] == (0.0, 0.0, 1.0)
     (rod,) = arm.shapes[3]
-    assert isinstance(rod, Rod)
+    assert isinstance(rod, robots.Rod)
     assert (rod.start_m, rod.end_m) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.2))
 
 
@@ -206,8 +195,8 @@ def test_any_file_is_an_arm_or_is_refused_in_words(changes):
         content = content[:start] + piece + content[start + gone :]
     arm, refusal = None, ""
     try:
-        arm = read_urdf(content, "flange", None, no_mesh)
-    except (UrdfError, ValueError) as error:
+        arm = robots.read_urdf(content, "flange", None, no_mesh)
+    except (robots.UrdfError, ValueError) as error:
         refusal = str(error)
     assert refusal or math.isfinite(sum(arm.low_rad) + sum(arm.high_rad) + arm.works_within_m)
 
@@ -220,7 +209,7 @@ def test_a_joint_beside_the_arm_stands_still():
     arm = read(urdf(more=more.replace('xyz="0 0 0.0"', 'xyz="1 0 0"')))
     assert "joints beside the chain stand still: aside at 0.5 rad" in arm.assumptions
     _, rod = arm.shapes[0]
-    assert isinstance(rod, Rod)
+    assert isinstance(rod, robots.Rod)
     assert rod.start_m == pytest.approx((1.0, 0.0, 0.0))
 
 

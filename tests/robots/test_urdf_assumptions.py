@@ -8,22 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.robots import (
-    PANDA,
-    UR5E,
-    Capsule,
-    UrdfError,
-    compute_link_frames,
-    find_home,
-    read_urdf,
-)
+from skillplan import robots
 from urdf_text import CAPSULE, joint, link, urdf
 
 HOME = [0.1] * 6
 
 
 def read(text, tip="flange", home_rad=HOME):
-    return read_urdf(text.encode(), tip, home_rad, lambda name, scale: [])
+    return robots.read_urdf(text.encode(), tip, home_rad, lambda name, scale: [])
 
 
 def finger(name, more="", parent="flange"):
@@ -114,8 +106,8 @@ def test_a_joint_without_range_is_locked():
     assert [item.name for item in arm.joints] == [f"joint_{n}" for n in (1, 2, 4, 5, 6)]
     free = read(urdf())
     posture = np.array([[0.2, -0.3, 0.4, 0.6, -0.7]])
-    locked = compute_link_frames(arm, posture)[-1][0]
-    same = compute_link_frames(free, np.insert(posture, 2, 0.5, axis=1))[-1][0]
+    locked = robots.compute_link_frames(arm, posture)[-1][0]
+    same = robots.compute_link_frames(free, np.insert(posture, 2, 0.5, axis=1))[-1][0]
     assert locked == pytest.approx(same, abs=1e-12)
     assert "no range of joint_3 (at 0.5 rad): locked" in arm.assumptions
 
@@ -144,7 +136,7 @@ def test_limits_that_an_exporter_left_blank_are_refused_at_once():
     blank = urdf().replace(
         'lower="-3" upper="3" velocity="2.0" effort="100"', 'lower="0" upper="0"'
     )
-    with pytest.raises(UrdfError) as caught:
+    with pytest.raises(robots.UrdfError) as caught:
         read(blank)
     assert str(caught.value).endswith(
         "range, speed and torque of joint_1, joint_2, joint_3, joint_4, joint_5, joint_6 are 0; "
@@ -157,7 +149,7 @@ def test_all_faults_come_in_one_message():
         {1: joint(1).replace('"2.0"', '"fast"'), 4: joint(4, limits='lower="3" upper="-3"')},
         collisions={2: "<collision/>"},
     )
-    with pytest.raises(UrdfError) as caught:
+    with pytest.raises(robots.UrdfError) as caught:
         read(text)
     words = str(caught.value)
     assert words.startswith("3 faults: line ")
@@ -174,7 +166,7 @@ def test_capsules_are_shapes():
     shape = CAPSULE.replace("cylinder", "capsule")
     arm = read(urdf(collisions={2: shape}))
     (capsule,) = arm.shapes[2]
-    assert isinstance(capsule, Capsule)
+    assert isinstance(capsule, robots.Capsule)
     assert capsule.start_m == pytest.approx((0.0, 0.0, 0.0))
     assert capsule.end_m == pytest.approx((0.0, 0.0, 0.2))
 
@@ -257,7 +249,9 @@ def test_the_tip_is_the_product_of_all_transforms(rows):
         posture += [value] * (kind != "fixed")
         here = here @ placed @ moved
     arm = read(f"<robot>{links}{joints}</robot>", f"l{len(rows)}", posture)
-    assert compute_link_frames(arm, np.array([posture]))[-1][0] == pytest.approx(here, abs=1e-9)
+    assert robots.compute_link_frames(arm, np.array([posture]))[-1][0] == pytest.approx(
+        here, abs=1e-9
+    )
 
 
 def test_shapes_that_overlap_in_most_postures_are_not_checked():
@@ -266,7 +260,7 @@ def test_shapes_that_overlap_in_most_postures_are_not_checked():
     arm = read(urdf(collisions={4: fork}))
     assert (4, 6) in arm.overlaps
     assert any("link 6 with link 4" in sentence for sentence in arm.not_checked)
-    assert find_home(PANDA).overlaps == find_home(UR5E).overlaps == ()
+    assert robots.find_home(robots.PANDA).overlaps == robots.find_home(robots.UR5E).overlaps == ()
 
 
 def test_shapes_of_the_first_link_end_at_the_underside_of_the_base():

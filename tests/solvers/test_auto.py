@@ -6,17 +6,8 @@ import sys
 import pytest
 from hypothesis import given, settings
 
+import situations
 from example_count import examples
-from situations import (
-    assembly,
-    cheapest_by_length,
-    model_of,
-    optimum,
-    retry_task,
-    small_assemblies,
-    small_tasks,
-    two_roads_task,
-)
 from skillplan.collision import PrecedenceDetector
 from skillplan.model import replay
 from skillplan.pipeline import Setup, load_problem, make_solver, solve
@@ -54,31 +45,34 @@ def test_jobs_in_an_order_are_left_to_the_portfolio(motor_drive_task):
 
 def test_under_chance_it_is_value_iteration():
     """As nothing else fits."""
-    result = solve(retry_task(0.5), "auto")
+    result = solve(situations.retry_task(0.5), "auto")
     assert result.trace["choice"] == "value-iteration, as skills may fail by chance"
     assert result.status == Status.OPTIMAL
 
 
 def test_a_small_task_without_jobs_is_solved_all_the_same():
     """Two roads to one fact."""
-    result = solve(two_roads_task(), "auto")
+    result = solve(situations.two_roads_task(), "auto")
     assert (result.status, result.cost) == (Status.OPTIMAL, 3.0)
 
 
 @settings(max_examples=examples(60))
-@given(content=small_assemblies())
+@given(content=situations.small_assemblies())
 def test_it_proves_the_optimum_of_random_assemblies(content):
     """With step limits that bind; or that there is no plan."""
-    task = assembly(content)
-    model = model_of(task, PrecedenceDetector(task))
-    assert_proved(model, optimum(cheapest_by_length(model)))
+    task = situations.assembly(content)
+    model = situations.model_of(task, PrecedenceDetector(task))
+    assert_proved(model, situations.optimum(situations.cheapest_by_length(model)))
 
 
 @settings(max_examples=examples(60))
-@given(task=small_tasks())
+@given(task=situations.small_tasks())
 def test_it_proves_the_optimum_of_random_tasks(task):
     """Of no structure at all."""
-    assert_proved(model_of(task), optimum(cheapest_by_length(model_of(task))))
+    assert_proved(
+        situations.model_of(task),
+        situations.optimum(situations.cheapest_by_length(situations.model_of(task))),
+    )
 
 
 def assert_proved(model, expected):

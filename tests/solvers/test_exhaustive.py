@@ -5,20 +5,8 @@ from collections import Counter
 import pytest
 from hypothesis import given, settings
 
+import situations
 from example_count import examples
-from situations import (
-    assembly,
-    cheapest_by_length,
-    config_content,
-    graph_of,
-    make_skill,
-    make_task,
-    model_of,
-    optimum,
-    retry_task,
-    small_assemblies,
-    two_roads_task,
-)
 from skillplan.collision import PrecedenceDetector
 from skillplan.pipeline import Setup, make_model, solve
 from skillplan.solvers import ExhaustiveSolver, Stop
@@ -35,7 +23,7 @@ class TestExhaustiveSolver(SolverSuite):
 
 def count_by_length(model):
     """Return the number of complete sequences by length, counted over states, not sequences."""
-    arrows = graph_of(model)
+    arrows = situations.graph_of(model)
     layer, results = Counter({model.initial: 1}), {}
     for length in range(model.step_limit + 1):
         done = sum(number for state, number in layer.items() if model.is_goal(state))
@@ -72,9 +60,9 @@ def test_the_board_has_the_worst_and_best_costs_that_were_computed_independently
 
 
 def reloading(**changes):
-    content = config_content("inverter_board")
+    content = situations.config_content("inverter_board")
     content["tool_change"]["reload"] = True
-    return assembly(content | changes)
+    return situations.assembly(content | changes)
 
 
 def test_reloading_the_tool_at_hand_multiplies_the_sequences():
@@ -93,16 +81,16 @@ def test_brute_force_counts_the_same_where_reloading_is_allowed():
 
 
 @settings(max_examples=examples(40))
-@given(small_assemblies().filter(lambda content: len(content["parts"]) == 2))
+@given(situations.small_assemblies().filter(lambda content: len(content["parts"]) == 2))
 def test_it_agrees_with_dynamic_programs_on_random_assemblies(content):
     """On the optimum, the fewest skills and the number of sequences of every length."""
-    task = assembly(content)
+    task = situations.assembly(content)
 
     def model():
-        return model_of(task, PrecedenceDetector(task))
+        return situations.model_of(task, PrecedenceDetector(task))
 
     solution = ExhaustiveSolver().solve(model())
-    expected = optimum(cheapest_by_length(model()))
+    expected = situations.optimum(situations.cheapest_by_length(model()))
     assert solution.proved
     assert solution.trace["sequences_by_length"] == count_by_length(model())
     if expected is None:
@@ -114,7 +102,9 @@ def test_it_agrees_with_dynamic_programs_on_random_assemblies(content):
 
 def test_a_sequence_ends_where_it_reaches_the_goal():
     """It is not continued beyond it, although skills are applicable there."""
-    solution = ExhaustiveSolver().solve(model_of(two_roads_task(step_limit=9)))
+    solution = ExhaustiveSolver().solve(
+        situations.model_of(situations.two_roads_task(step_limit=9))
+    )
     assert solution.trace["sequences_by_length"] == {2: 1, 3: 1}
     assert solution.plan.skills == ("to_a", "a_to_b", "finish")
 
@@ -153,7 +143,9 @@ def test_it_can_be_stopped_at_any_time(board_task, polls):
 
 def test_it_refuses_tasks_with_chance_in_words():
     """It counts sequences."""
-    assert "one outcome each" in ExhaustiveSolver().refuses(model_of(retry_task(0.5)))
+    assert "one outcome each" in ExhaustiveSolver().refuses(
+        situations.model_of(situations.retry_task(0.5))
+    )
 
 
 def test_the_bound_of_a_stopped_walk_covers_the_very_next_skill():
@@ -161,9 +153,10 @@ def test_the_bound_of_a_stopped_walk_covers_the_very_next_skill():
     facts = Facts(("done",))
     costs = [5.0] * 255 + [1.0] + [5.0] * 300
     skills = [
-        make_skill(facts, f"way_{i}", add=("done",), cost=cost) for i, cost in enumerate(costs)
+        situations.make_skill(facts, f"way_{i}", add=("done",), cost=cost)
+        for i, cost in enumerate(costs)
     ]
-    task = make_task(facts, skills, goal=("done",))
-    solution = ExhaustiveSolver(stop=StopAfter(0)).solve(model_of(task))
+    task = situations.make_task(facts, skills, goal=("done",))
+    solution = ExhaustiveSolver(stop=StopAfter(0)).solve(situations.model_of(task))
     assert solution.trace["visited"] == 256
     assert (solution.plan.cost, solution.lower_bound) == (5.0, 1.0)

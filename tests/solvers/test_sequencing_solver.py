@@ -8,18 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import situations
 from example_count import examples
 from ordering_instances import instance_of
-from situations import (
-    PatientStop,
-    assembly,
-    cheapest_by_length,
-    model_of,
-    optimum,
-    retry_task,
-    small_assemblies,
-    small_tasks,
-)
 from skillplan.collision import PrecedenceDetector
 from skillplan.errors import NotASequencing
 from skillplan.model import SequencingProblem, replay
@@ -97,15 +88,17 @@ def test_it_proves_what_exact_search_proves(config, detector):
 
 
 @settings(max_examples=examples(40))
-@given(content=small_assemblies(), solver=st.sampled_from(PROVING[1:]))
+@given(content=situations.small_assemblies(), solver=st.sampled_from(PROVING[1:]))
 def test_it_is_never_wrong_whatever_the_step_limit(content, solver):
     """Where the cheapest order has a plan that is too long, nothing is said to be optimal."""
-    task = assembly(content)
-    model = model_of(task, PrecedenceDetector(task))
+    task = situations.assembly(content)
+    model = situations.model_of(task, PrecedenceDetector(task))
     learner = make_solver(solver)
     if learner.refuses(model) is not None:
         return
-    best = optimum(cheapest_by_length(model_of(task, PrecedenceDetector(task))))
+    best = situations.optimum(
+        situations.cheapest_by_length(situations.model_of(task, PrecedenceDetector(task)))
+    )
     solution = learner.solve(model)
     if solution.plan is not None:
         walked = replay(model, [task.skill(name) for name in solution.plan.skills])
@@ -127,17 +120,17 @@ def test_a_step_limit_that_binds_leaves_a_bound_and_words(board_task):
     assert "more skills than the step limit allows" in result.reason
 
 
-@given(task=small_tasks())
+@given(task=situations.small_tasks())
 @settings(max_examples=examples(30))
 def test_what_is_no_sequencing_problem_is_refused_in_words(task):
     """One sentence, with another solver to take."""
-    refusal = make_solver("portfolio").refuses(model_of(task))
+    refusal = make_solver("portfolio").refuses(situations.model_of(task))
     assert refusal is None or refusal.endswith("Take exact.")
 
 
 def test_under_chance_another_solver_is_named():
     """As no order is a plan there."""
-    refusal = make_solver("portfolio").refuses(model_of(retry_task(0.5)))
+    refusal = make_solver("portfolio").refuses(situations.model_of(situations.retry_task(0.5)))
     assert refusal.endswith("Take value-iteration.")
 
 
@@ -146,7 +139,7 @@ def test_under_chance_another_solver_is_named():
 def test_what_a_stopped_search_says_holds(solver, polls):
     """On an instance that takes more polls than these to prove."""
     model = make_model(instance("br17.10").task)
-    searching = make_solver(solver, stop=PatientStop(polls))
+    searching = make_solver(solver, stop=situations.PatientStop(polls))
     searching.problem(model)
     solution = searching.solve(model)
     assert solution.lower_bound <= 55
@@ -159,9 +152,9 @@ def test_what_a_stopped_search_says_holds(solver, polls):
 def test_a_plan_to_start_from_is_where_it_begins():
     """Stopped at once it has that plan and no worse."""
     task = instance("ESC25").task
-    first = solve(task, "tree-search", stop=PatientStop(40))
+    first = solve(task, "tree-search", stop=situations.PatientStop(40))
     known = Plan(tuple(step.skill for step in first.steps))
-    again = solve(task, "tree-search", stop=PatientStop(2), start=known)
+    again = solve(task, "tree-search", stop=situations.PatientStop(2), start=known)
     assert again.cost <= first.cost
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from typing import ClassVar
+
 import numba
 import numpy as np
 import pytest
@@ -13,11 +16,20 @@ from skillplan.errors import ModelTooLarge, OptionError, SearchStopped
 from skillplan.model import TabularMDP
 from skillplan.pipeline import Setup, make_model, make_solver, solve
 from skillplan.records import Status
-from skillplan.solvers import Stop, compiled, random_bits
+from skillplan.solvers import (
+    BestPolicies,
+    CompletedEpisode,
+    NetworkPolicy,
+    SarsaSolver,
+    Stop,
+    compiled,
+    random_bits,
+)
 from skillplan.solvers.mdp import build_rewards
 from skillplan.task import Facts
-from skillplan.testing import lid_task
+from skillplan.testing import SolverSuite, lid_task
 from swarm_situations import base_task, legs_of_table_3, minimal_starts
+from thinned import release_case, slow_case
 
 LEARNERS = ("sarsa", "q-learning", "monte-carlo")
 PLANNERS = ("policy-iteration", "value-iteration")
@@ -143,10 +155,10 @@ class TestLearners:
         assert solver.refuses(model) is None
         run_episodes = solver.run_episodes
 
-        def interrupted(tables, schedule, previous, *rest, **options):
-            if previous >= 20_000:
+        def interrupted(run, lengths):
+            if run.done >= 20_000:
                 solver.stop.interrupt()
-            return run_episodes(tables, schedule, previous, *rest, **options)
+            return run_episodes(run, lengths)
 
         solver.run_episodes = interrupted
         solution = solver.solve(model)
@@ -289,3 +301,279 @@ class TestCompiled:
         monkeypatch.setattr(numba, "njit", fails)
         with pytest.raises(RuntimeError, match="something else"):
             compiled(len)
+
+
+# Q-learning.
+
+
+class TestQLearningSolver(SolverSuite):
+    solver: ClassVar[str] = "q-learning"
+
+
+@pytest.mark.parametrize("goal", [1, 13, 42, 66, 78])
+def test_its_ways_are_step_minimal_from_all_starts(goal):
+    model = make_model(base_task(37, goal))
+    policy = make_solver("q-learning", {}).solve(model, seed=2).policy
+    assert policy is not None
+    assert minimal_starts(policy, goal) == 1
+
+
+def test_its_values_without_exploration_noise_are_those_of_value_iteration():
+    """Nothing is left to chance here, so that a step size of 1 makes the values exact."""
+    options = {"alpha": 1.0, "alpha_end": 1.0, "epsilon": 1.0}
+    learned, swept = (
+        solve(base_task(66, 42), name, Setup(options={name: more}))
+        for name, more in (("q-learning", options), ("value-iteration", {"objective": "reward"}))
+    )
+    assert [s.skill for s in learned.steps] == [s.skill for s in swept.steps]
+
+
+# SARSA with the paper's parameters.
+
+
+class TestSarsaSolver(SolverSuite):
+    solver: ClassVar[str] = "sarsa"
+
+
+class TestExpectedSarsaSolver(SolverSuite):
+    solver: ClassVar[str] = "sarsa"
+    options: ClassVar = {"expected": True, "alpha_end": 0.01}
+
+
+def test_the_defaults_are_the_parameters_of_the_paper():
+    options = SarsaSolver().options
+    assert (options.gamma, options.alpha, options.alpha_end) == (0.999, 0.1, None)
+    derived = SarsaSolver().derived([base_task(66, 42)])
+    assert derived == {
+        "episodes": 35_000,
+        "starts": "exploring",
+        "optimistic": False,
+        "alpha_end": 0.1,
+        "epsilon": 0.1,
+        "epsilon_end": 0.1,
+    }
+
+
+@pytest.mark.parametrize(
+    "every",
+    [
+        slow_case(3, reason="learns a bench; value iteration is step-minimal in every run"),
+        release_case(1, reason="learns a bench for every goal"),
+    ],
+)
+def test_its_ways_are_step_minimal_from_nearly_all_starts_to_goals(every):
+    """To all goals, or to every third."""
+    shares = []
+    for goal in range(1, 79, every):
+        model = make_model(base_task(66 if goal != 66 else 1, goal))
+        policy = make_solver("sarsa", {}).solve(model, seed=2).policy
+        assert policy is not None
+        shares.append(minimal_starts(policy, goal))
+    assert sum(shares) / len(shares) >= 0.995
+
+
+def test_the_second_parameter_set_of_the_paper_converges_more_slowly():
+    """Fig. 8: all along, set 2 takes more steps an episode than set 1."""
+    model = make_model(base_task(66, 42))
+    first, second = (
+        make_solver("sarsa", {"record": 35, **options}).solve(model).trace["steps_per_episode"]
+        for options in ({}, {"gamma": 0.85, "alpha": 0.001, "epsilon": 0.01})
+    )
+    assert all(left < other for left, other in zip(first, second, strict=True))
+
+
+def test_the_first_episode_wanders():
+    """Fig. 8: hundreds of steps where ways of four would do."""
+    trace = make_solver("sarsa", {"record": 1}).solve(make_model(base_task(66, 42))).trace
+    assert trace["steps_of_first_episode"] > 100
+    assert trace["steps_per_episode"][-1] < 6
+
+
+def test_in_c66_the_action_b2_turns_out_best():
+    """Fig. 7a."""
+    options = {"record": 10, "watch": "at(C66)"}
+    trace = make_solver("sarsa", options).solve(make_model(base_task(66, 42))).trace
+    curves = trace["q_values"]["at(C66)"]
+    assert max(curves, key=lambda name: curves[name][-1]) == "B2"
+
+
+# First-visit Monte Carlo with exploring starts.
+
+
+class TestMonteCarloSolver(SolverSuite):
+    solver: ClassVar[str] = "monte-carlo"
+
+
+@pytest.mark.slow(reason="learns a bench; value iteration is step-minimal in every run")
+def test_its_ways_are_step_minimal_from_nearly_all_starts_to_all_goals():
+    shares = []
+    # In every run every sixth goal.
+    for goal in range(1, 79, 78 // examples(78, fewest=13)):
+        model = make_model(base_task(66 if goal != 66 else 1, goal))
+        policy = make_solver("monte-carlo", {}).solve(model, seed=2).policy
+        assert policy is not None
+        shares.append(minimal_starts(policy, goal))
+    assert sum(shares) / len(shares) >= 0.99
+
+
+def test_a_value_moves_towards_the_return_after_its_first_visit():
+    """One place; trying costs 1 with an even chance to end: discounted by hand.
+
+    The task has no reward scheme: its end is worth the largest cost times the step limit.
+    """
+    facts = Facts(("here", "done"))
+    outcomes = [(0.5, ("done",), ("here",)), (0.5, (), ())]
+    attempt = make_skill(facts, "try", requires=("here",), outcomes=outcomes)
+    task = make_task(facts, [attempt], initial=("here",), goal=("done",), step_limit=8)
+    options = {"episodes": 40, "alpha_end": 0.5, "gamma": 0.9, "record": 40, "watch": "here"}
+    trace = make_solver("monte-carlo", options).solve(make_model(task), seed=11).trace
+    value, values = 0.0, []
+    for steps in trace["steps_per_episode"]:
+        reward = sum(-(0.9**step) for step in range(int(steps))) + 0.9**steps * 8
+        value += 0.5 * (reward - value)
+        values.append(value)
+    assert trace["q_values"]["here"]["try"] == pytest.approx(values)
+
+
+def test_a_cut_is_not_an_end():
+    """Episodes of one step: the return continues with the value of the place reached."""
+    facts = Facts(("a", "b", "done"))
+    skills = [
+        make_skill(facts, "go", requires=("a",), add=("b",), delete=("a",)),
+        make_skill(facts, "end", requires=("b",), add=("done",), delete=("b",)),
+    ]
+    task = make_task(facts, skills, initial=("a",), goal=("done",), step_limit=8)
+    options = {"max_steps": 1, "starts": "exploring", "record": 1, "watch": "a,b", "gamma": 0.5}
+    trace = make_solver("monte-carlo", options).solve(make_model(task)).trace
+    assert trace["q_values"]["b"]["end"] == [pytest.approx(-1 + 0.5 * 8)]
+    assert trace["q_values"]["a"]["go"] == [pytest.approx(-1 + 0.5 * 3)]
+    assert trace["cut_off"] > 0
+
+
+# Kept policies: which one stands for a run, and at what cost.
+
+
+def preferring(*actions, count=3):
+    """Return a policy that takes the i-th of some actions where the i-th bit is observed."""
+    weight = np.zeros((len(actions), count), dtype=np.float32)
+    weight[np.arange(len(actions)), actions] = 1.0
+    return NetworkPolicy((weight,), (np.zeros(count, dtype=np.float32),))
+
+
+def completed(cost, *actions, masks=None):
+    """Return an episode in which the i-th bit is observed before the i-th action."""
+    count = len(actions)
+    allowed = np.ones((count, 3), dtype=np.bool_) if masks is None else np.array(masks)
+    return CompletedEpisode(cost, np.eye(count, dtype=np.float32), allowed, np.array(actions))
+
+
+@pytest.fixture
+def kept():
+    return BestPolicies(1, keeps=True)
+
+
+def best(kept, run=0):
+    """Return what is kept as (cost, step)."""
+    learned = kept.learned(run, preferring(0))
+    return learned.best_cost, learned.best_step
+
+
+class TestWhatIsKept:
+    def test_without_an_episode_that_completes_there_is_none(self, kept):
+        kept.compare(0, 5, None, preferring(1, 2))
+        assert best(kept) == (None, None)
+        assert kept.learned(0, preferring(0)).best is None
+
+    def test_a_policy_that_does_what_the_episode_did_is_kept_at_its_cost(self, kept):
+        policy = preferring(1, 2)
+        kept.compare(0, 5, completed(3.0, 1, 2), policy)
+        assert best(kept) == (3.0, 5)
+        assert kept.learned(0, preferring(0)).best is policy
+
+    def test_one_that_does_something_else_on_the_way_is_not(self, kept):
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 0))
+        assert best(kept) == (None, None)
+
+    def test_masks_hold_for_what_it_would_do(self, kept):
+        masks = [[True, True, True], [False, True, True]]
+        # It likes the first action best, which is barred, and of the others the first.
+        kept.compare(0, 5, completed(3.0, 1, 1, masks=masks), preferring(1, 0))
+        assert best(kept) == (3.0, 5)
+
+    def test_a_later_policy_is_held_against_the_cheapest_episode_so_far(self, kept):
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(0, 0))
+        kept.compare(0, 9, completed(4.0, 2, 1), preferring(2, 1))
+        assert best(kept) == (4.0, 9)
+        # The episode failed, but the policy would follow the cheap one now.
+        kept.compare(0, 12, None, preferring(1, 2))
+        assert best(kept) == (3.0, 12)
+
+    def test_a_more_expensive_one_does_not_replace_it(self, kept):
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 9, completed(4.0, 2, 1), preferring(2, 1))
+        assert best(kept) == (3.0, 5)
+
+    @pytest.mark.parametrize("cost", [3.0, 3.0 - 1e-12])
+    def test_of_equals_the_first_stays(self, kept, cost):
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 9, completed(cost, 2, 1), preferring(2, 1))
+        assert best(kept) == (3.0, 5)
+
+    def test_the_last_policy_is_handed_over_beside_it(self, kept):
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        last = preferring(0)
+        assert kept.learned(0, last).last is last
+
+    def test_runs_do_not_see_each_other(self):
+        kept = BestPolicies(2, keeps=True)
+        kept.compare(1, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 6, None, preferring(1, 2))
+        assert best(kept, 0) == (None, None)
+        assert best(kept, 1) == (3.0, 5)
+
+    def test_where_one_episode_tells_nothing_none_is_kept(self):
+        kept = BestPolicies(1, keeps=False)
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        assert best(kept) == (None, None)
+        assert kept.arrays("k") == {}
+
+
+class TestGoingOn:
+    @pytest.fixture
+    def several(self):
+        """Run 0 has a policy and a cheaper episode, run 1 only an episode, run 2 nothing."""
+        kept = BestPolicies(3, keeps=True)
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 7, completed(2.5, 2, 1), preferring(1, 2))
+        kept.compare(1, 8, completed(2.0, 0, 1), preferring(1, 2))
+        return kept
+
+    def test_what_was_read_keeps_alike(self, several):
+        other = BestPolicies(3, keeps=True)
+        other.read("k", several.arrays("k"), json.loads(json.dumps(several.document())))
+        assert [best(other, run) for run in range(3)] == [(3.0, 5), (None, None), (None, None)]
+        ours = other.learned(0, preferring(0)).best
+        assert (ours.weights[0] == preferring(1, 2).weights[0]).all()
+        for item in (several, other):
+            item.compare(0, 9, None, preferring(2, 1))
+            item.compare(1, 9, None, preferring(0, 1))
+            assert [best(item, run) for run in range(3)] == [(2.5, 9), (2.0, 9), (None, None)]
+        mine, theirs = several.arrays("k"), other.arrays("k")
+        assert mine.keys() == theirs.keys()
+        assert all(mine[name].tobytes() == theirs[name].tobytes() for name in mine)
+
+    def test_reading_leaves_nothing_of_what_was_there(self, several):
+        empty = BestPolicies(3, keeps=True)
+        several.read("k", empty.arrays("k"), empty.document())
+        assert [best(several, run) for run in range(3)] == [(None, None)] * 3
+
+    def test_what_is_of_other_runs_is_refused(self, several):
+        with pytest.raises(ValueError, match="of other runs"):
+            BestPolicies(2, keeps=True).read("k", several.arrays("k"), several.document())
+
+    @pytest.mark.parametrize("name", ["k.1.actions", "k.0.observations", "k.0.0.weight"])
+    def test_what_is_not_whole_is_refused(self, several, name):
+        arrays = several.arrays("k")
+        del arrays[name]
+        with pytest.raises(ValueError, match=f"'{name}' is missing"):
+            BestPolicies(3, keeps=True).read("k", arrays, several.document())

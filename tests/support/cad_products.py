@@ -10,14 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillplan_cad import (
-    Product,
-    ReadOptions,
-    assemble_relation,
-    find_blocked,
-    find_joints,
-    read_product,
-)
+import skillplan_cad as cad
 from skillplan_cad.reading import step_file
 
 FIXTURES = Path(__file__).parents[2] / "plugins/skillplan-cad/tests/fixtures"
@@ -44,18 +37,18 @@ def read_here(patch: pytest.MonkeyPatch) -> None:
 
 
 @cache
-def product(name: str, chord_mm: float = 0.05) -> Product:
+def product(name: str, chord_mm: float = 0.05) -> cad.Product:
     """Return a fixture as it is read."""
     with pytest.MonkeyPatch.context() as patch:
         read_here(patch)
-        return read_product(file(name), ReadOptions(chord_m=chord_mm / 1000))
+        return cad.read_product(file(name), cad.ReadOptions(chord_m=chord_mm / 1000))
 
 
-def related(product: Product, tolerance_mm: float = 0.1, source="axes", threads="unscrew"):
+def related(product: cad.Product, tolerance_mm: float = 0.1, source="axes", threads="unscrew"):
     """Return the relation of a product."""
-    joints = find_joints(product, tolerance_mm / 1000, source, threads)
-    blocked = find_blocked(product, joints.directions, tolerance_mm / 1000)
-    return assemble_relation(product, joints, blocked, tolerance_mm / 1000, threads)
+    joints = cad.find_joints(product, tolerance_mm / 1000, source, threads)
+    blocked = cad.find_blocked(product, joints.directions, tolerance_mm / 1000)
+    return cad.assemble_relation(product, joints, blocked, tolerance_mm / 1000, threads)
 
 
 @cache
@@ -64,7 +57,7 @@ def relation(name: str, tolerance_mm: float = 0.1, chord_mm: float = 0.05):
     return related(product(name, chord_mm), tolerance_mm)
 
 
-def moved(product: Product, matrix) -> Product:
+def moved(product: cad.Product, matrix) -> cad.Product:
     """Return a product whose parts are turned, or turned and mirrored, as one."""
     turn = np.asarray(matrix)
     parts = tuple(

@@ -23,7 +23,7 @@ OTHER_PROGRAMS = {
 
 # Commands of skillplan that are only parsed: a pattern of the command, and the reason.
 ONLY_PARSED = {
-    r"--executor ray": "needs a Ray cluster; tests/cli/test_cli_executor.py has an executor",
+    r"--executor ray": "needs a Ray cluster; tests/cli/test_cli_engines.py has an executor",
     r"--install-completion": "writes to the files of the user's shell",
     r"import-cad product\.(step|3mf)": "a file of the user; the tutorial imports an example",
     r"import-cad meshes/": "files of the user; the tutorial imports an example",

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from same_process import studies_in_this_process
+from skillplan import sweep
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline import load_problem, registry
 from skillplan.records import (
@@ -22,16 +23,6 @@ from skillplan.records import (
     SweepRecord,
     Trial,
     TriedSetting,
-)
-from skillplan.sweep import (
-    FinishedTrial,
-    SharedTrials,
-    StudyJob,
-    do_sampled,
-    make_sampler,
-    plan_sampled,
-    rate_setting,
-    read_space,
 )
 from skillplan.task import Task
 from skillplan.views.figures import draw_sweep
@@ -52,13 +43,13 @@ def in_this_process():
         yield
 
 
-class Listed(SharedTrials):
+class Listed(sweep.SharedTrials):
     """Trials in memory: settings from a list, one after another."""
 
     def __init__(self, settings: Sequence[dict[str, Any]]) -> None:
         self._todo = list(settings)
         self.events: list[str] = []
-        self._told: list[FinishedTrial] = []
+        self._told: list[sweep.FinishedTrial] = []
         self._asked = 0
 
     @property
@@ -72,7 +63,7 @@ class Listed(SharedTrials):
 
     def tell(self, trial: Trial, value: float | None, lines: Sequence[str]) -> None:
         self.events.append(f"tell {trial.number}")
-        self._told.append(FinishedTrial(trial, value, tuple(lines)))
+        self._told.append(sweep.FinishedTrial(trial, value, tuple(lines)))
 
     def give_up(self, trial: Trial) -> None:
         self.events.append(f"give up {trial.number}")
@@ -83,13 +74,15 @@ class Listed(SharedTrials):
     def done(self) -> int:
         return len(self._told)
 
-    def finished(self) -> list[FinishedTrial]:
+    def finished(self) -> list[sweep.FinishedTrial]:
         return self._told
 
 
-def a_study(walk: Task, **changes: Any) -> tuple[SampledPlan, StudyJob]:
+def a_study(walk: Task, **changes: Any) -> tuple[SampledPlan, sweep.StudyJob]:
     values = changes.pop("values", [("episodes", "50:300"), ("gamma", "0.9:0.99")])
-    return plan_sampled(walk, "sarsa", values, sampler="listed", starts=["C20"], runs=2, **changes)
+    return sweep.plan_sampled(
+        walk, "sarsa", values, sampler="listed", starts=["C20"], runs=2, **changes
+    )
 
 
 def a_run(seed: int, *, cost: float | None = 3.0, steps: int = 4, error: str = "") -> SweepRecord:
@@ -112,10 +105,10 @@ class TestOptions:
         ],
     )
     def test_ranges_and_lists_say_what_may_be_chosen(self, text, expected):
-        assert read_space("sarsa", [("gamma", text)]).dimensions == (expected,)
+        assert sweep.read_space("sarsa", [("gamma", text)]).dimensions == (expected,)
 
     def test_whole_numbered_options_are_chosen_whole(self):
-        (item,) = read_space("sarsa", [("episodes", "50:300:log")]).dimensions
+        (item,) = sweep.read_space("sarsa", [("episodes", "50:300:log")]).dimensions
         assert item == Span("episodes", 50, 300, whole=True, logarithmic=True)
         assert item.holds(50)
         assert not item.holds(50.0)
@@ -128,18 +121,20 @@ class TestOptions:
     def test_ranges_hold_the_multiples_that_an_option_allows(self, text, low, high, logarithmic):
         """The width of the relational network is a multiple of 4, the batch of dqn one of 32."""
         solver, name, step = ("dqn", "batch", 32) if text != "*" else ("relational", "width", 4)
-        (item,) = read_space(solver, [(name, text)]).dimensions
+        (item,) = sweep.read_space(solver, [(name, text)]).dimensions
         assert item == Span(name, low, high, True, logarithmic, step)
         assert not item.holds(low + 1)
 
     def test_a_range_without_two_multiples_is_one_clear_error(self):
         with pytest.raises(OptionError, match="must be a multiple of 32, and the range has none"):
-            read_space("dqn", [("batch", "33:63")])
+            sweep.read_space("dqn", [("batch", "33:63")])
         with pytest.raises(OptionError, match="has only one, 64"):
-            read_space("dqn", [("batch", "33:65")])
+            sweep.read_space("dqn", [("batch", "33:65")])
 
     def test_one_value_is_tried_first_or_holds_always(self):
-        space = read_space("sarsa", [("gamma", "0.8:0.99"), ("gamma", "0.9"), ("alpha", "0.5")])
+        space = sweep.read_space(
+            "sarsa", [("gamma", "0.8:0.99"), ("gamma", "0.9"), ("alpha", "0.5")]
+        )
         assert space.centre == {"gamma": 0.9}
         assert space.fixed == {"alpha": 0.5}
 
@@ -159,7 +154,7 @@ class TestOptions:
     )
     def test_what_cannot_be_chosen_among_is_one_clear_error(self, name, text, message):
         with pytest.raises(OptionError) as caught:
-            read_space("sarsa", [(name, text)])
+            sweep.read_space("sarsa", [(name, text)])
         assert message in str(caught.value)
 
     def test_all_of_an_option_without_ends_is_refused(self):
@@ -169,8 +164,8 @@ class TestOptions:
             if not any(hasattr(item, "le") for item in field.metadata) and field.annotation is int
         )
         with pytest.raises(OptionError, match="have no two ends"):
-            read_space("replan", [(open_ended, "*")])
-        (choice,) = read_space("replan", [("lookahead", "*")]).dimensions
+            sweep.read_space("replan", [(open_ended, "*")])
+        (choice,) = sweep.read_space("replan", [("lookahead", "*")]).dimensions
         assert choice == Choice("lookahead", (False, True))
 
     def test_spans_and_choices_that_make_no_sense_are_refused(self):
@@ -185,22 +180,22 @@ class TestOptions:
 class TestValue:
     def test_runs_that_do_not_arrive_count_first(self):
         """However cheap the others are."""
-        dear = rate_setting([a_run(0, cost=900.0), a_run(1, cost=900.0)], "cost")
-        half = rate_setting([a_run(0, cost=1.0), a_run(1, cost=None)], "cost")
-        broken = rate_setting([a_run(0, cost=1.0), a_run(1, error="no memory")], "cost")
-        none = rate_setting([a_run(0, cost=None), a_run(1, cost=None)], "cost")
+        dear = sweep.rate_setting([a_run(0, cost=900.0), a_run(1, cost=900.0)], "cost")
+        half = sweep.rate_setting([a_run(0, cost=1.0), a_run(1, cost=None)], "cost")
+        broken = sweep.rate_setting([a_run(0, cost=1.0), a_run(1, error="no memory")], "cost")
+        none = sweep.rate_setting([a_run(0, cost=None), a_run(1, cost=None)], "cost")
         assert dear == 900.0
         assert half == broken
         assert half is not None
         assert none is not None
         assert dear < half < none
-        assert rate_setting([a_run(0, error="a"), a_run(1, error="b")], "cost") is None
+        assert sweep.rate_setting([a_run(0, error="a"), a_run(1, error="b")], "cost") is None
 
     def test_what_is_minimised_is_what_was_asked_for(self):
         runs = [a_run(0, cost=3.0, steps=4), a_run(1, cost=5.0, steps=7)]
-        assert rate_setting(runs, "cost") == 4.0
-        assert rate_setting(runs, "steps") == 5.5
-        assert rate_setting(runs, "seconds") == 0.5
+        assert sweep.rate_setting(runs, "cost") == 4.0
+        assert sweep.rate_setting(runs, "steps") == 5.5
+        assert sweep.rate_setting(runs, "seconds") == 0.5
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -210,7 +205,7 @@ class TestStudy:
     def test_each_setting_is_chosen_knowing_those_before(self, walk):
         plan, job = a_study(walk)
         trials, seen = Listed(self.SETTINGS), []
-        result = do_sampled(plan, job, trials, 3, on_trial=lambda: seen.append(1))
+        result = sweep.do_sampled(plan, job, trials, 3, on_trial=lambda: seen.append(1))
         assert trials.events == ["ask 0", "tell 0", "ask 1", "tell 1", "ask 2", "tell 2"]
         assert len(seen) == 3
         assert not result.interrupted
@@ -220,7 +215,7 @@ class TestStudy:
     def test_what_is_under_way_when_it_is_stopped_is_given_up(self, walk):
         plan, job = a_study(walk)
         trials = Listed(self.SETTINGS)
-        result = do_sampled(plan, job, trials, 9, stopped=lambda: trials.done() >= 1, jobs=2)
+        result = sweep.do_sampled(plan, job, trials, 9, stopped=lambda: trials.done() >= 1, jobs=2)
         assert result.interrupted
         ended = [event.split()[-1] for event in trials.events if not event.startswith("ask")]
         queries = [item.split()[-1] for item in trials.events if item.startswith("ask")]
@@ -230,9 +225,9 @@ class TestStudy:
 
     def test_what_was_tried_is_listed_best_first_with_its_runs(self, walk):
         plan, job = a_study(walk)
-        result = do_sampled(plan, job, Listed(self.SETTINGS), 2)
+        result = sweep.do_sampled(plan, job, Listed(self.SETTINGS), 2)
         assert isinstance(result.plan, SampledPlan)
-        worth = [rate_setting(result.records[i : i + 2], "cost") for i in (0, 2)]
+        worth = [sweep.rate_setting(result.records[i : i + 2], "cost") for i in (0, 2)]
         assert worth == sorted(worth, key=lambda first: first or 0)
         document = result.document()
         assert {setting["trial"] for setting in document["settings"]} == {0, 1}
@@ -249,11 +244,11 @@ class TestStudy:
             trials = Listed([])
             trials.tell(Trial(0, values), 1.0, [a_run(seed).line() for seed in seeds])
             with pytest.raises(OptionError, match="Trial 0 of the study is damaged"):
-                do_sampled(plan, job, trials, 1)
+                sweep.do_sampled(plan, job, trials, 1)
 
     def test_the_table_names_the_best_and_says_that_it_cannot_be_repeated(self, walk):
         plan, job = a_study(walk)
-        table = tabulate_settings(do_sampled(plan, job, Listed(self.SETTINGS), 2))
+        table = tabulate_settings(sweep.do_sampled(plan, job, Listed(self.SETTINGS), 2))
         notes = "\n".join(table.notes)
         assert "2 trials of 2 runs, chosen by listed" in table.title
         assert "best       trial" in notes
@@ -270,7 +265,7 @@ class TestStudy:
 
     def test_a_point_of_the_figure_is_a_trial(self, walk):
         plan, job = a_study(walk)
-        figure = draw_sweep(do_sampled(plan, job, Listed(self.SETTINGS), 2))
+        figure = draw_sweep(sweep.do_sampled(plan, job, Listed(self.SETTINGS), 2))
         labels = [axes.get_ylabel() for axes in figure.axes]
         assert [label for label in labels if label] == [
             "arrive [%]",
@@ -304,4 +299,4 @@ def test_plans_that_make_no_sense_are_refused(walk):
 def test_a_sampler_that_is_not_installed_is_named_with_what_installs_it(monkeypatch):
     monkeypatch.setattr(registry, "_providers", lambda kind: {})
     with pytest.raises(PluginError, match="pip install skillplan-optuna"):
-        make_sampler("optuna", {})
+        sweep.make_sampler("optuna", {})

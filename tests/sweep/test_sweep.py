@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from same_process import studies_in_this_process
-from skillplan import Setup, load_problem
+from skillplan import Setup, load_problem, sweep
 from skillplan.cli import main
 from skillplan.errors import OptionError, SkillplanError
 from skillplan.records import (
@@ -38,15 +38,6 @@ from skillplan.records import (
     parse_record,
     share,
     t_quantile,
-)
-from skillplan.sweep import (
-    StudyFolder,
-    StudyJob,
-    do_run,
-    do_study,
-    plan_study,
-    read_values,
-    space_evenly,
 )
 from skillplan.views.figures import draw_sweep, render_figure
 from skillplan.views.tables import tabulate_settings, tabulate_starts
@@ -101,10 +92,10 @@ def timeless(document: Any) -> Any:
 
 class TestValues:
     def test_a_range_is_evenly_spaced_and_has_both_ends(self):
-        assert (0.8, 0.85, 0.9) == space_evenly("gamma", "0.8:0.9:3")
+        assert (0.8, 0.85, 0.9) == sweep.space_evenly("gamma", "0.8:0.9:3")
 
     def test_a_logarithmic_range_multiplies(self):
-        assert (0.01, 0.1, 1.0) == space_evenly("alpha", "0.01:1:3:log")
+        assert (0.01, 0.1, 1.0) == sweep.space_evenly("alpha", "0.01:1:3:log")
 
     @given(
         st.floats(1e-6, 1e6),
@@ -115,27 +106,31 @@ class TestValues:
     def test_every_range_runs_one_way_between_its_ends(self, first, last, count, how):
         if first == last:
             return
-        values = space_evenly("x", f"{first!r}:{last!r}:{count}{how}")
+        values = sweep.space_evenly("x", f"{first!r}:{last!r}:{count}{how}")
         assert (first, last) == (values[0], values[-1])
         assert count >= len(values) >= 2
         if abs(first - last) > 1e-3 * max(first, last):
             assert sorted(values, reverse=first > last) == list(values)
 
     def test_whole_numbered_options_take_the_nearest_whole_values_once(self):
-        values = read_values("sarsa", [("episodes", "1:3:9")])
+        values = sweep.read_values("sarsa", [("episodes", "1:3:9")])
         assert (1, 2, 3) == values.axes[0].values
         assert values.centre["episodes"] is None
 
     def test_words_and_truths_can_be_listed(self):
-        values = read_values("sarsa", [("objective", "cost,reward"), ("expected", "true,false")])
+        values = sweep.read_values(
+            "sarsa", [("objective", "cost,reward"), ("expected", "true,false")]
+        )
         assert [("cost", "reward"), (True, False)] == [axis.values for axis in values.axes]
 
     def test_text_with_a_comma_is_one_value_of_an_option_that_takes_any_text(self):
-        values = read_values("sarsa", [("watch", "at(C1),at(C2)")])
+        values = sweep.read_values("sarsa", [("watch", "at(C1),at(C2)")])
         assert ((), {"watch": "at(C1),at(C2)"}) == (values.axes, values.fixed)
 
     def test_one_value_beside_several_is_the_centre(self):
-        values = read_values("sarsa", [("gamma", "0.7"), ("gamma", "0.8,0.9"), ("alpha", "0.2")])
+        values = sweep.read_values(
+            "sarsa", [("gamma", "0.7"), ("gamma", "0.8,0.9"), ("alpha", "0.2")]
+        )
         assert ({"gamma": 0.7}, {"alpha": 0.2}) == (values.centre, values.fixed)
 
     @pytest.mark.parametrize(
@@ -160,14 +155,14 @@ class TestValues:
     )
     def test_a_wrong_value_is_one_clear_error(self, name, text, message):
         with pytest.raises(OptionError) as caught:
-            read_values("sarsa", [(name, text)])
+            sweep.read_values("sarsa", [(name, text)])
         assert message in str(caught.value)
         assert "\n" not in str(caught.value)
 
     @pytest.mark.parametrize("texts", [("0.1", "0.2"), ("0.1,0.2", "0.3,0.4")])
     def test_an_option_given_twice_is_refused(self, texts):
         with pytest.raises(OptionError, match="'alpha' is given twice"):
-            read_values("sarsa", [("alpha", text) for text in texts])
+            sweep.read_values("sarsa", [("alpha", text) for text in texts])
 
 
 class TestPlans:
@@ -213,7 +208,7 @@ class TestPlans:
         with pytest.raises(ValueError, match="must be >= 0"):
             Start("C1", -1.0)
         with pytest.raises(ValueError, match="at least one start"):
-            StudyJob({}, "sarsa", Setup())
+            sweep.StudyJob({}, "sarsa", Setup())
 
     @pytest.mark.parametrize(
         ("starts", "message"),
@@ -225,17 +220,17 @@ class TestPlans:
     )
     def test_a_wrong_start_is_named(self, walk, starts, message):
         with pytest.raises(OptionError) as caught:
-            plan_study(walk, "sarsa", QUICK, starts=starts)
+            sweep.plan_study(walk, "sarsa", QUICK, starts=starts)
         assert message in str(caught.value)
 
     def test_too_many_runs_are_refused(self, walk):
         values = [("gamma", "0.1:0.9:500"), ("alpha", "0.1:0.9:500")]
         with pytest.raises(OptionError, match="more than 100,000 runs"):
-            plan_study(walk, "sarsa", values, design=GRID)
+            sweep.plan_study(walk, "sarsa", values, design=GRID)
 
     def test_a_solver_that_cannot_serve_the_task_is_told_before_any_run(self, board_task):
         with pytest.raises(OptionError, match="cannot serve 'inverter-board'"):
-            plan_study(board_task, "value-iteration", [("max_states", "10")])
+            sweep.plan_study(board_task, "value-iteration", [("max_states", "10")])
 
 
 class TestIntervals:
@@ -286,8 +281,8 @@ class TestIntervals:
 
     def test_runs_of_a_deterministic_solver_are_no_samples(self, walk):
         """Their shares and means have no interval, their times have."""
-        plan, job = plan_study(walk, "value-iteration", starts=["C20"], runs=3)
-        result = SweepResult(plan, [do_run(job, 0, {}, seed) for seed in plan.seeds])
+        plan, job = sweep.plan_study(walk, "value-iteration", starts=["C20"], runs=3)
+        result = SweepResult(plan, [sweep.do_run(job, 0, {}, seed) for seed in plan.seeds])
         summary = result.summary([0])
         assert (Estimate(1.0), Estimate(0.0)) == (summary.arrived_share, summary.excess)
         assert summary.learning_s.low is not None
@@ -355,8 +350,8 @@ class TestStudies:
     def test_one_policy_answers_from_all_starts_within_its_optima(self, walk):
         """The paper's five cases at its best parameters."""
         starts = ["C20", "C6", "C35", "C52", "C78"]
-        plan, job = plan_study(walk, "sarsa", starts=starts, runs=2)
-        result = do_study(plan, job)
+        plan, job = sweep.plan_study(walk, "sarsa", starts=starts, runs=2)
+        result = sweep.do_study(plan, job)
         assert result.shared
         assert [4.0, 3.0, 5.0, 8.0, 9.0] == [start.optimum for start in plan.starts]
         for start in plan.starts:
@@ -369,8 +364,8 @@ class TestStudies:
 
     @pytest.mark.usefixtures("in_this_process")
     def test_a_solver_of_plans_is_run_once_for_every_start(self, walk):
-        plan, job = plan_study(walk, "exact", starts=["C20", "C6"], runs=1)
-        result = do_study(plan, job)
+        plan, job = sweep.plan_study(walk, "exact", starts=["C20", "C6"], runs=1)
+        result = sweep.do_study(plan, job)
         assert not result.shared
         assert [4, 3] == [outcome.steps for outcome in result.records[0].outcomes]
         assert 1 == result.summary([0]).best
@@ -380,10 +375,10 @@ class TestStudies:
     )
     def test_results_depend_neither_on_processes_nor_on_their_order(self, walk):
         values = [("episodes", "200,400"), ("alpha", "0.1,0.5")]
-        plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C78"], runs=2)
-        two = do_study(plan, job, jobs=2).document()
+        plan, job = sweep.plan_study(walk, "sarsa", values, starts=["C20", "C78"], runs=2)
+        two = sweep.do_study(plan, job, jobs=2).document()
         with studies_in_this_process():
-            document = do_study(plan, job).document()
+            document = sweep.do_study(plan, job).document()
         assert timeless(document) == timeless(two)
 
     def test_figures_are_those_of_the_runs(self):
@@ -409,16 +404,16 @@ class TestStudies:
         assert 3 == len(tabulate_starts(result).rows)
 
     def test_a_run_that_goes_wrong_says_so_and_raises_nothing(self, board_task):
-        _, job = plan_study(board_task, "value-iteration", [("max_states", "1000")])
-        record = do_run(job, 0, {"max_states": 10}, 0)
+        _, job = sweep.plan_study(board_task, "value-iteration", [("max_states", "1000")])
+        record = sweep.do_run(job, 0, {"max_states": 10}, 0)
         assert "refused" in (record.error or "")
-        assert "no option" in (do_run(job, 0, {"gama": 1}, 0).error or "")
+        assert "no option" in (sweep.do_run(job, 0, {"gama": 1}, 0).error or "")
 
     @pytest.mark.usefixtures("in_this_process")
     def test_a_stopped_study_keeps_what_is_done(self, walk):
-        plan, job = plan_study(walk, "sarsa", QUICK, runs=50)
+        plan, job = sweep.plan_study(walk, "sarsa", QUICK, runs=50)
         seen: list[SweepRecord] = []
-        result = do_study(plan, job, stopped=lambda: len(seen) >= 2, on_run=seen.append)
+        result = sweep.do_study(plan, job, stopped=lambda: len(seen) >= 2, on_run=seen.append)
         assert result.interrupted
         assert 50 == len(result.records) + result.missing
         assert 2 <= len(result.records) < 50
@@ -427,7 +422,7 @@ class TestStudies:
 @pytest.fixture(scope="module")
 def study(walk):
     """Four short runs."""
-    return plan_study(walk, "sarsa", [("episodes", "200,300")], runs=2)
+    return sweep.plan_study(walk, "sarsa", [("episodes", "200,300")], runs=2)
 
 
 @pytest.fixture(scope="module")
@@ -435,8 +430,8 @@ def done(study, tmp_path_factory):
     """The folder of the study once all is done, and its document."""
     path = tmp_path_factory.mktemp("done") / "study"
     plan, job = study
-    with studies_in_this_process(), StudyFolder(str(path), plan) as folder:
-        return path, do_study(plan, job, folder=folder).document()
+    with studies_in_this_process(), sweep.StudyFolder(str(path), plan) as folder:
+        return path, sweep.do_study(plan, job, folder=folder).document()
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -448,9 +443,9 @@ class TestFolders:
 
     def test_what_is_there_is_not_done_again(self, study, done, copied):
         plan, job = study
-        with StudyFolder(str(copied), plan, resume=True) as folder:
+        with sweep.StudyFolder(str(copied), plan, resume=True) as folder:
             assert 4 == len(folder.records)
-            again = do_study(plan, job, folder=folder)
+            again = sweep.do_study(plan, job, folder=folder)
         assert done[1] == again.document()
 
     @pytest.mark.parametrize(
@@ -466,9 +461,9 @@ class TestFolders:
         runs = copied / "runs.jsonl"
         left = runs.read_bytes()[:length]
         runs.write_bytes(left)
-        with StudyFolder(str(copied), plan, resume=True) as folder:
+        with sweep.StudyFolder(str(copied), plan, resume=True) as folder:
             assert left.count(b"\n") == len(folder.records) < 4
-            again = do_study(plan, job, folder=folder)
+            again = sweep.do_study(plan, job, folder=folder)
         assert timeless(done[1]) == timeless(again.document())
         assert 4 == runs.read_bytes().count(b"\n")
 
@@ -477,15 +472,15 @@ class TestFolders:
         runs = copied / "runs.jsonl"
         runs.write_bytes(b"oops\n" + runs.read_bytes())
         with pytest.raises(OptionError, match=r"runs.jsonl:1: is damaged: .* Delete the line"):
-            StudyFolder(str(copied), plan, resume=True)
+            sweep.StudyFolder(str(copied), plan, resume=True)
 
     def test_failed_runs_are_done_again(self, study, tmp_path):
         plan, job = study
-        with StudyFolder(str(tmp_path), plan) as folder:
+        with sweep.StudyFolder(str(tmp_path), plan) as folder:
             folder.add(SweepRecord(0, 0, error="out of memory"))
-        with StudyFolder(str(tmp_path), plan, resume=True) as folder:
+        with sweep.StudyFolder(str(tmp_path), plan, resume=True) as folder:
             assert [] == folder.records
-            assert [] == do_study(plan, job, folder=folder).failed
+            assert [] == sweep.do_study(plan, job, folder=folder).failed
 
     @pytest.mark.parametrize(
         ("changes", "message"),
@@ -500,34 +495,34 @@ class TestFolders:
     )
     def test_another_study_is_refused_in_words(self, study, tmp_path, changes, message):
         plan, _ = study
-        StudyFolder(str(tmp_path), plan).close()
+        sweep.StudyFolder(str(tmp_path), plan).close()
         with pytest.raises(OptionError, match=message):
-            StudyFolder(str(tmp_path), replace(plan, **changes), resume=True)
+            sweep.StudyFolder(str(tmp_path), replace(plan, **changes), resume=True)
 
     def test_nothing_there_is_overwritten(self, study, tmp_path):
         plan, _ = study
         (tmp_path / "thesis.tex").write_text("words")
         with pytest.raises(OptionError, match="is not empty"):
-            StudyFolder(str(tmp_path), plan)
+            sweep.StudyFolder(str(tmp_path), plan)
         with pytest.raises(OptionError, match=r"holds no manifest.json"):
-            StudyFolder(str(tmp_path), plan, resume=True)
+            sweep.StudyFolder(str(tmp_path), plan, resume=True)
         assert ["thesis.tex"] == [path.name for path in tmp_path.iterdir()]
 
     def test_two_studies_do_not_write_to_one_folder(self, study, tmp_path):
         pytest.importorskip("fcntl")
         plan, _ = study
         with (
-            StudyFolder(str(tmp_path), plan),
+            sweep.StudyFolder(str(tmp_path), plan),
             pytest.raises(OptionError, match="another study is writing there"),
         ):
-            StudyFolder(str(tmp_path), plan, resume=True)
+            sweep.StudyFolder(str(tmp_path), plan, resume=True)
 
     @pytest.mark.parametrize("content", ["", "{", "[]", '{"schema": "skillplan.sweep-manifest/9"}'])
     def test_a_manifest_that_is_none_is_refused(self, study, tmp_path, content):
         plan, _ = study
         (tmp_path / "manifest.json").write_text(content)
         with pytest.raises(OptionError, match=r"--out"):
-            StudyFolder(str(tmp_path), plan, resume=True)
+            sweep.StudyFolder(str(tmp_path), plan, resume=True)
 
 
 class TestKilling:
@@ -631,8 +626,10 @@ class TestFigures:
     )
     def test_there_is_a_column_for_every_option(self, walk, design):
         values = [("episodes", "100,200,1000"), ("objective", "cost,reward")]
-        plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C6"], runs=2, design=design)
-        figure = draw_sweep(do_study(plan, job))
+        plan, job = sweep.plan_study(
+            walk, "sarsa", values, starts=["C20", "C6"], runs=2, design=design
+        )
+        figure = draw_sweep(sweep.do_study(plan, job))
         assert 6 == len(figure.axes)
         assert ["episodes", "objective"] == [axes.get_xlabel() for axes in figure.axes[4:]]
         assert render_figure(figure, ".svg") == render_figure(figure, ".svg")

@@ -9,17 +9,10 @@ import pytest
 
 from skillplan.errors import PluginError
 from skillplan.pipeline import names
-from skillplan.views.figures import (
-    RUN_FIGURES,
-    TASK_FIGURES,
-    CatalogueEntry,
-    catalogue,
-    describe_figures,
-    list_figure_names,
-    load_figure_module,
-)
+from skillplan.views import figures
+from skillplan.views.figures import TASK_FIGURES
 
-OF_SOP = CatalogueEntry("the tour", "skillplan.views.figures.learning_figure", "sop")
+OF_SOP = figures.CatalogueEntry("the tour", "skillplan.views.figures.learning_figure", "sop")
 
 
 @pytest.fixture
@@ -32,25 +25,25 @@ def register(monkeypatch):
             EntryPoint(name, f"figures_under_test:{value}", "skillplan.figure")
             for name, value in entries.items()
         )
-        monkeypatch.setattr(catalogue, "figures", lambda: points)
+        monkeypatch.setattr(figures.catalogue, "figures", lambda: points)
 
     return replace
 
 
 @pytest.mark.parametrize("kind", names("domain"))
-@pytest.mark.parametrize("name", list_figure_names())
+@pytest.mark.parametrize("name", figures.list_figure_names())
 def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name, kind):
     """``plot`` calls these of a figure's module."""
-    module = load_figure_module(name, kind)
+    module = figures.load_figure_module(name, kind)
     assert isinstance(module.SOLVER, str)
     assert callable(module.runs)
     assert callable(module.draw)
 
 
-@pytest.mark.parametrize("name", RUN_FIGURES)
+@pytest.mark.parametrize("name", figures.RUN_FIGURES)
 def test_a_figure_of_runs_has_its_module(name):
     """It holds a function named after the figure."""
-    drawing = importlib.import_module(RUN_FIGURES[name].module)
+    drawing = importlib.import_module(figures.RUN_FIGURES[name].module)
     assert callable(getattr(drawing, f"draw_{name}"))
 
 
@@ -67,25 +60,25 @@ def test_listing_the_figures_imports_nothing_heavy():
 
 def test_an_unknown_figure_is_a_key_error():
     with pytest.raises(KeyError, match="flowers"):
-        load_figure_module("flowers", "assembly")
+        figures.load_figure_module("flowers", "assembly")
 
 
 def test_a_plugin_adds_a_figure(register):
     register(tour="OF_SOP")
-    assert list_figure_names() == [*TASK_FIGURES, "tour"]
-    assert describe_figures()["tour"] == "the tour"
-    assert load_figure_module("tour", "sop").__name__ == OF_SOP.module
-    assert load_figure_module("tour", "assembly").__name__ == OF_SOP.module, (
+    assert figures.list_figure_names() == [*TASK_FIGURES, "tour"]
+    assert figures.describe_figures()["tour"] == "the tour"
+    assert figures.load_figure_module("tour", "sop").__name__ == OF_SOP.module
+    assert figures.load_figure_module("tour", "assembly").__name__ == OF_SOP.module, (
         "it refuses in its words"
     )
 
 
 def test_a_figure_for_one_kind_replaces_the_figure_for_any_kind(register):
     register(gantt="OF_SOP")
-    assert list_figure_names() == list(TASK_FIGURES)
-    assert describe_figures()["gantt"] == f"{TASK_FIGURES['gantt'].line}; of sop: the tour"
-    assert load_figure_module("gantt", "sop").__name__ == OF_SOP.module
-    assert load_figure_module("gantt", "assembly").__name__ == TASK_FIGURES["gantt"].module
+    assert figures.list_figure_names() == list(TASK_FIGURES)
+    assert figures.describe_figures()["gantt"] == f"{TASK_FIGURES['gantt'].line}; of sop: the tour"
+    assert figures.load_figure_module("gantt", "sop").__name__ == OF_SOP.module
+    assert figures.load_figure_module("gantt", "assembly").__name__ == TASK_FIGURES["gantt"].module
 
 
 @pytest.mark.parametrize(
@@ -95,7 +88,7 @@ def test_a_figure_for_one_kind_replaces_the_figure_for_any_kind(register):
 def test_a_broken_figure_is_listed_with_the_reason(register, value, reason):
     """It breaks neither the help nor the other figures."""
     register(tour=value)
-    assert reason in describe_figures()["tour"]
-    assert load_figure_module("gantt", "assembly").SOLVER == "auto"
+    assert reason in figures.describe_figures()["tour"]
+    assert figures.load_figure_module("gantt", "assembly").SOLVER == "auto"
     with pytest.raises(PluginError, match=reason):
-        load_figure_module("tour", "sop")
+        figures.load_figure_module("tour", "sop")

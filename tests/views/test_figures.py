@@ -19,53 +19,19 @@ from matplotlib.collections import Collection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+import skillplan_swarmitfix as swarm
 from skillplan.errors import OptionError
-from skillplan.views.figures import (
-    PALETTE,
-    Heading,
-    LabelPlacer,
-    LearningCurve,
-    LearningPanel,
-    RewardStep,
-    Run,
-    StateValues,
-    check_path,
-    choose_look,
-    create_sheet,
-    darken_colour,
-    draw_learning,
-    draw_q_values,
-    draw_rewards,
-    measure_text_in,
-    render_figure,
-    save_figure,
-)
-from skillplan_swarmitfix import (
-    Bar,
-    BaseGoal,
-    Bench,
-    HeadMark,
-    assign_colours,
-    count_steps_to,
-    draw_fleet,
-    draw_gantt,
-    draw_placement,
-    draw_policy,
-    find_links_m,
-    find_paths,
-    format_ranges,
-    open_bench_canvas,
-)
+from skillplan.views import figures
 from thinned import slow_case
 
 pytestmark = pytest.mark.slow(reason="draws; commands draw some in every run")
 
-BENCH = Bench(6, 13, 0.34)
-HEADING = Heading("A title", "task t,  solver s,  seed 0")
+BENCH = swarm.Bench(6, 13, 0.34)
+HEADING = figures.Heading("A title", "task t,  solver s,  seed 0")
 GOAL, START = BENCH.position("C42"), BENCH.position("C66")
 
 
-def greedy(bench: Bench, goal: int) -> dict[int, int]:
+def greedy(bench: swarm.Bench, goal: int) -> dict[int, int]:
     """Return the first action of a shortest way to the goal, for all other positions."""
     left = bench.distances(goal)
     chosen = {}
@@ -76,21 +42,21 @@ def greedy(bench: Bench, goal: int) -> dict[int, int]:
     return chosen
 
 
-def a_policy(bench: Bench = BENCH, goal: int = GOAL, start: int | None = START) -> Figure:
-    return draw_policy(bench, greedy(bench, goal), goal, HEADING, start=start)
+def a_policy(bench: swarm.Bench = BENCH, goal: int = GOAL, start: int | None = START) -> Figure:
+    return swarm.draw_policy(bench, greedy(bench, goal), goal, HEADING, start=start)
 
 
 def a_placement(*, closed: bool = True) -> Figure:
     corners = [(0.6, 0.5), (1.9, 0.5), (1.2, 1.4)]
-    heads = [HeadMark(corner, 0.3, 0.1, True) for corner in corners]
+    heads = [swarm.HeadMark(corner, 0.3, 0.1, True) for corner in corners]
     goals = [
-        BaseGoal(BENCH.position("C44"), (corners[0], corners[1])),
-        BaseGoal(BENCH.position("C44"), (corners[1], corners[2])),
-        BaseGoal(BENCH.position("C33"), (corners[2], corners[0])),
+        swarm.BaseGoal(BENCH.position("C44"), (corners[0], corners[1])),
+        swarm.BaseGoal(BENCH.position("C44"), (corners[1], corners[2])),
+        swarm.BaseGoal(BENCH.position("C33"), (corners[2], corners[0])),
     ]
     ways = [["C66", "C54", "C42", "C44"], ["C44"], ["C44", "C33"]]
     named = [[BENCH.position(name) for name in way] for way in ways]
-    return draw_placement(BENCH, corners, heads, goals, named, HEADING, closed=closed)
+    return swarm.draw_placement(BENCH, corners, heads, goals, named, HEADING, closed=closed)
 
 
 def a_gantt(sequences: int = 3) -> Figure:
@@ -99,30 +65,34 @@ def a_gantt(sequences: int = 3) -> Figure:
         for step, takes_s in (("retract", 0.3), ("park", 0.45), ("swing", 11.6), ("support", 0.3)):
             agents = ("base", "pkm") if step == "swing" else ("head", "pkm")
             labels = {"base": f"B2: C66 to C{number}"} if step == "swing" else {}
-            bars.append(Bar(number, step, agents, now_s, now_s + takes_s, labels))
+            bars.append(swarm.Bar(number, step, agents, now_s, now_s + takes_s, labels))
             now_s += takes_s
-    return draw_gantt(bars, HEADING)
+    return swarm.draw_gantt(bars, HEADING)
 
 
 def some_rewards(count: int = 4) -> Figure:
     steps = [
-        RewardStep(f"base-{i // 2 + 1}", f"B{i % 3}", f"C{i + 1}", i - 1.5) for i in range(count)
+        figures.RewardStep(f"base-{i // 2 + 1}", f"B{i % 3}", f"C{i + 1}", i - 1.5)
+        for i in range(count)
     ]
-    return draw_rewards(steps, ["B0", "B1", "B2"], HEADING)
+    return figures.draw_rewards(steps, ["B0", "B1", "B2"], HEADING)
 
 
 def some_learning() -> Figure:
     episodes = np.arange(10.0, 1001.0, 10.0)
     steps = np.stack([400 / np.sqrt(episodes), 500 / np.sqrt(episodes)])
-    curves = (LearningCurve("set 1", episodes, steps), LearningCurve("set 2", episodes, steps * 2))
-    return draw_learning([LearningPanel("base-1", curves, 3.4)], HEADING)
+    curves = (
+        figures.LearningCurve("set 1", episodes, steps),
+        figures.LearningCurve("set 2", episodes, steps * 2),
+    )
+    return figures.draw_learning([figures.LearningPanel("base-1", curves, 3.4)], HEADING)
 
 
 def some_values() -> Figure:
     values = {f"B{i}": np.linspace(0.0, -i, 50).tolist() for i in range(11)}
-    return draw_q_values(
+    return figures.draw_q_values(
         list(range(1, 51)),
-        [StateValues("C66", values), StateValues("C13", {"B5": [0.5] * 50})],
+        [figures.StateValues("C66", values), figures.StateValues("C13", {"B5": [0.5] * 50})],
         HEADING,
         order=[f"B{i}" for i in range(11)],
     )
@@ -134,7 +104,7 @@ def a_fleet() -> Figure:
         [("r1", BENCH.position("C15")), ("r2", BENCH.position("C76"))],
         [("r1", BENCH.position("C28"))],
     ]
-    return draw_fleet(BENCH, starts, schedule, HEADING)
+    return swarm.draw_fleet(BENCH, starts, schedule, HEADING)
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
@@ -151,12 +121,12 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 @cache
 def svg(name: str) -> bytes:
     """Return a figure as SVG; drawn once."""
-    return render_figure(FIGURES[name](), ".svg")
+    return figures.render_figure(FIGURES[name](), ".svg")
 
 
 def texts(figure: Figure | bytes) -> list[str]:
     """Return the texts of a figure's SVG."""
-    content = figure if isinstance(figure, bytes) else render_figure(figure, ".svg")
+    content = figure if isinstance(figure, bytes) else figures.render_figure(figure, ".svg")
     root = ElementTree.fromstring(content)
     results = [element.text or "" for element in root.iter("{http://www.w3.org/2000/svg}text")]
     return [text.strip() for text in results]
@@ -179,12 +149,12 @@ class TestFiles:
     )
     def test_equal_figures_are_equal_files(self, name):
         """Neither the time nor anything random is in them."""
-        assert svg(name) == render_figure(FIGURES[name](), ".svg")
+        assert svg(name) == figures.render_figure(FIGURES[name](), ".svg")
 
     def test_equal_figures_are_equal_pictures(self):
         """In dots, too; and the file does not name the program that wrote it."""
-        content = render_figure(some_rewards(), ".png", 40)
-        assert content == render_figure(some_rewards(), ".png", 40)
+        content = figures.render_figure(some_rewards(), ".png", 40)
+        assert content == figures.render_figure(some_rewards(), ".png", 40)
         assert b"tEXt" not in content
 
     @pytest.mark.parametrize(
@@ -199,7 +169,7 @@ class TestFiles:
     def test_a_png_has_the_size_of_its_figure(self, name):
         """In dots: inches times dots per inch."""
         figure = FIGURES[name]()
-        content = render_figure(figure, ".png", 50)
+        content = figures.render_figure(figure, ".png", 50)
         assert content.startswith(b"\x89PNG")
         height, width = imread(io.BytesIO(content)).shape[:2]
         assert figure.get_size_inches() * 50 == pytest.approx([width, height], abs=1.0)
@@ -216,13 +186,13 @@ class TestFiles:
     def test_the_users_own_style_changes_nothing(self):
         """A matplotlibrc is for the user's own figures."""
         with rc_context({"font.size": 30, "svg.fonttype": "path", "axes.grid": True}):
-            assert svg("rewards") == render_figure(some_rewards(), ".svg")
+            assert svg("rewards") == figures.render_figure(some_rewards(), ".svg")
 
     def test_what_was_there_is_replaced_whole(self, tmp_path):
         """And nothing is left beside it."""
         path = tmp_path / "f.svg"
         path.write_text("before")
-        save_figure(some_rewards(), path)
+        figures.save_figure(some_rewards(), path)
         assert path.read_bytes() == svg("rewards")
         assert [path] == list(tmp_path.iterdir())
 
@@ -231,7 +201,7 @@ class TestFiles:
         path = tmp_path / "f.svg"
         path.mkdir()
         with pytest.raises(OptionError, match="cannot be written"):
-            save_figure(some_rewards(), path)
+            figures.save_figure(some_rewards(), path)
         assert [path] == list(tmp_path.iterdir())
 
     @pytest.mark.parametrize(
@@ -248,19 +218,19 @@ class TestFiles:
         """Before anything is solved."""
         (tmp_path / "d.png").mkdir()
         with pytest.raises(OptionError, match=message):
-            check_path(str(tmp_path / name))
+            figures.check_path(str(tmp_path / name))
 
     def test_other_formats_are_refused(self):
         """By the writer, too."""
         with pytest.raises(ValueError, match=r"not '\.pdf'"):
-            render_figure(some_rewards(), ".pdf")
+            figures.render_figure(some_rewards(), ".pdf")
 
 
 class TestStyle:
-    @pytest.mark.parametrize("colour", PALETTE)
+    @pytest.mark.parametrize("colour", figures.PALETTE)
     def test_text_in_a_colour_can_be_read_on_white(self, colour):
         """A contrast of at least 3 to 1 (WCAG, large or bold text)."""
-        channels = [int(darken_colour(colour)[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        channels = [int(figures.darken_colour(colour)[i : i + 2], 16) / 255 for i in (1, 3, 5)]
         linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
         light = float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
         assert 3.0 <= 1.05 / (light + 0.05)
@@ -268,23 +238,23 @@ class TestStyle:
     @given(st.text(alphabet="abc WM", max_size=200), st.floats(1.0, 8.0))
     def test_lines_of_a_heading_fit(self, details, width_in):
         """Or are single words, and no word is lost."""
-        lines = Heading("t", details).lines(width_in)
+        lines = figures.Heading("t", details).lines(width_in)
         assert details.split() == [word for line in lines for word in line.split()]
         for line in lines:
-            assert measure_text_in(line, 8.0) <= width_in + 1e-6 or len(line.split()) == 1
+            assert figures.measure_text_in(line, 8.0) <= width_in + 1e-6 or len(line.split()) == 1
 
     @pytest.mark.parametrize("size_in", [(0.0, 1.0), (1.0, math.nan)])
     def test_a_sheet_has_a_size(self, size_in):
         """Nothing can be drawn on nothing."""
         with pytest.raises(ValueError, match="cannot be"):
-            create_sheet(*size_in, HEADING)
+            figures.create_sheet(*size_in, HEADING)
 
 
 class TestBenchCanvas:
     @pytest.mark.parametrize("shape", [(1, 1), (2, 13), (6, 13), (12, 25), (40, 3), (3, 101)])
     def test_a_bench_of_any_shape_is_to_scale(self, shape):
         """A metre is as long up as along, and the sheet stays of a size for a screen."""
-        canvas = open_bench_canvas(Bench(*shape, 0.34), HEADING)
+        canvas = swarm.open_bench_canvas(swarm.Bench(*shape, 0.34), HEADING)
         place = canvas.axes.get_window_extent()
         (x0, x1), (y0, y1) = canvas.axes.get_xlim(), canvas.axes.get_ylim()
         assert place.width / (x1 - x0) == pytest.approx(place.height / (y1 - y0))
@@ -298,26 +268,26 @@ class TestBenchCanvas:
 
     def test_points_beside_the_bench_are_on_paper(self):
         """A trajectory may leave the bench."""
-        canvas = open_bench_canvas(BENCH, HEADING, around_m=np.array([[-1.0, 4.0]]))
+        canvas = swarm.open_bench_canvas(BENCH, HEADING, around_m=np.array([[-1.0, 4.0]]))
         assert canvas.axes.get_xlim()[0] < -1.0
         assert canvas.axes.get_ylim()[1] > 4.0
 
 
-_CANVAS = open_bench_canvas(BENCH, HEADING)
+_CANVAS = swarm.open_bench_canvas(BENCH, HEADING)
 
 
 class TestPolicy:
     @pytest.mark.parametrize("shape", [(2, 13), (6, 13), (12, 25)])
     def test_there_is_an_arrow_for_every_position_but_the_goal(self, shape):
         """As many arrows as the policy recommends swings."""
-        bench = Bench(*shape, 0.34)
+        bench = swarm.Bench(*shape, 0.34)
         figure = a_policy(bench, 3, bench.n_positions - 1)
         arrows = collection(figure, "policy-arrows")
         assert bench.n_positions - 1 == len(arrows.get_offsets())
 
     def test_an_arrow_points_to_where_the_action_leads(self):
         """Of C66, B2 leads to C54."""
-        figure = draw_policy(BENCH, {START: 2}, GOAL, HEADING)
+        figure = swarm.draw_policy(BENCH, {START: 2}, GOAL, HEADING)
         arrows = collection(figure, "policy-arrows")
         along = BENCH.centroids_m[BENCH.position("C54")] - BENCH.centroids_m[START]
         drawn = np.array([arrows.U[0], arrows.V[0]])  # type: ignore[attr-defined]
@@ -335,13 +305,13 @@ class TestPolicy:
     @pytest.mark.slow(reason="draws a bench of 30 by 61; smaller benches in every run")
     def test_names_too_small_to_read_are_left_out(self):
         """On a large bench there are arrows only."""
-        assert "C7" not in texts(a_policy(Bench(30, 61, 0.34), 0, None))
+        assert "C7" not in texts(a_policy(swarm.Bench(30, 61, 0.34), 0, None))
 
     @pytest.mark.slow(reason="draws a policy; another one in every run")
     def test_staying_where_the_goal_is_not_is_shown(self):
         """As a ring, and as never getting to the goal."""
         recommended = greedy(BENCH, GOAL) | {0: 0}
-        figure = draw_policy(BENCH, recommended, GOAL, HEADING, start=0)
+        figure = swarm.draw_policy(BENCH, recommended, GOAL, HEADING, start=0)
         assert 1 == len(collection(figure, "policy-stays").get_offsets())
         assert {"B0: stay", "never gets to the goal"} <= set(texts(figure))
         assert "path from the start" not in texts(figure)
@@ -357,12 +327,12 @@ class TestPolicy:
     def test_a_policy_must_be_one_of_the_bench(self, recommended, message):
         """What does not exist is not drawn."""
         with pytest.raises(ValueError, match=message):
-            draw_policy(BENCH, recommended, GOAL, HEADING)
+            swarm.draw_policy(BENCH, recommended, GOAL, HEADING)
 
     def test_a_shortest_policy_takes_the_fewest_swings(self):
         """What the shades show is what the bench counts."""
         ends = {here: int(BENCH.successors[here, a]) for here, a in greedy(BENCH, GOAL).items()}
-        assert BENCH.distances(GOAL).tolist() == count_steps_to(GOAL, ends, 78).tolist()
+        assert BENCH.distances(GOAL).tolist() == swarm.count_steps_to(GOAL, ends, 78).tolist()
 
 
 class TestPlacement:
@@ -389,8 +359,11 @@ class TestPlacement:
 
     def test_lines_join_the_circles_and_their_supports(self):
         """One for each base and support, from the edge of the circle."""
-        goals = [BaseGoal(GOAL, ((1.0, 1.0), (0.2, 0.2))), BaseGoal(GOAL, ((1.0, 1.0),))]
-        lines = find_links_m(BENCH, goals)
+        goals = [
+            swarm.BaseGoal(GOAL, ((1.0, 1.0), (0.2, 0.2))),
+            swarm.BaseGoal(GOAL, ((1.0, 1.0),)),
+        ]
+        lines = swarm.find_links_m(BENCH, goals)
         assert [(1.0, 1.0), (0.2, 0.2)] == [end for _, end in lines]
         for edge, _ in lines:
             assert math.dist(edge, BENCH.centroids_m[GOAL]) == pytest.approx(0.2 * 0.34)
@@ -398,13 +371,13 @@ class TestPlacement:
     def test_bases_beside_each_other_differ_in_colour(self):
         """Where there are more of them than colours, two of one are far from each other."""
         row = [BENCH.position(f"C{number}") for number in range(1, 13)]
-        colours = assign_colours(BENCH, [BaseGoal(position, ()) for position in row])
+        colours = swarm.assign_colours(BENCH, [swarm.BaseGoal(position, ()) for position in row])
         assert 6 == len(set(colours.values()))
         assert all(colours[a] != colours[b] for a, b in pairwise(row))
 
     def test_heads_are_equilateral_and_point_their_yaw(self):
         """About their centroid."""
-        corners = HeadMark((1.0, 2.0), 0.4, 0.1, False).corners_m()
+        corners = swarm.HeadMark((1.0, 2.0), 0.4, 0.1, False).corners_m()
         sides = [math.dist(corners[i], corners[i - 1]) for i in range(3)]
         assert [0.1] * 3 == pytest.approx(sides)
         assert (1.0, 2.0) == pytest.approx(tuple(corners.mean(axis=0)))
@@ -414,7 +387,7 @@ class TestPlacement:
     def test_names_of_positions_do_not_overlap(self):
         """Nor do those of heads and goals."""
         figure = a_placement()
-        render_figure(figure, ".png", 100)
+        figures.render_figure(figure, ".png", 100)
         boxes = [text.get_window_extent() for text in figure.axes[0].texts if text.get_text()]
         pairs = [(a, b) for i, a in enumerate(boxes) for b in boxes[:i]]
         assert not any(a.overlaps(b) for a, b in pairs)
@@ -425,28 +398,28 @@ class TestPlacement:
     )
     def test_numbers_in_a_row_are_a_range(self, numbers, text):
         """As people write them."""
-        assert text == format_ranges(numbers)
+        assert text == swarm.format_ranges(numbers)
 
     def test_what_cannot_be_placed_is_refused(self):
         """A trajectory of one point, ways without goals, a head without a size."""
         with pytest.raises(ValueError, match="at least two points"):
-            draw_placement(BENCH, [(0, 0)], [], [], [], HEADING, closed=False)
+            swarm.draw_placement(BENCH, [(0, 0)], [], [], [], HEADING, closed=False)
         with pytest.raises(ValueError, match="0 goals need as many paths"):
-            draw_placement(BENCH, [(0, 0), (1, 1)], [], [], [[1]], HEADING, closed=False)
+            swarm.draw_placement(BENCH, [(0, 0), (1, 1)], [], [], [[1]], HEADING, closed=False)
         with pytest.raises(ValueError, match="side must be > 0"):
-            HeadMark((0.0, 0.0), 0.0, 0.0, True)
+            swarm.HeadMark((0.0, 0.0), 0.0, 0.0, True)
 
 
 class TestLabelPlacer:
     def test_a_label_goes_where_it_is_wanted_if_nothing_is_there(self):
         """Above, by default."""
-        x, y = LabelPlacer(5, 5).place((2, 2), "name", 8, (0.1,))
+        x, y = figures.LabelPlacer(5, 5).place((2, 2), "name", 8, (0.1,))
         assert 2 == pytest.approx(x)
         assert y > 2.1
 
     def test_a_label_evades_lines_discs_texts_and_the_edge(self):
         """To the only side that is left."""
-        placer = LabelPlacer(5, 2.3)
+        placer = figures.LabelPlacer(5, 2.3)
         placer.avoid_line([(1.9, 1.5), (1.5, 2.2)])
         placer.avoid_disc((2.5, 2.0), 0.4)
         placer.avoid_box((1.7, 2.0), 0.5, 0.3)
@@ -456,7 +429,7 @@ class TestLabelPlacer:
     @given(st.lists(st.tuples(st.floats(1, 4), st.floats(1, 4)), min_size=2, max_size=6))
     def test_a_place_that_is_taken_is_not_free(self, anchors):
         """Every label takes its place."""
-        placer = LabelPlacer(5, 5)
+        placer = figures.LabelPlacer(5, 5)
         for anchor in anchors:
             assert not placer.is_free(placer.place(anchor, "C1", 8, (0.1, 0.3)), "C1", 8)
 
@@ -491,12 +464,12 @@ class TestGantt:
     def test_a_bar_is_one_of_the_five_steps(self, values, message):
         """Of agents that there are, forward in time."""
         with pytest.raises(ValueError, match=message):
-            Bar(*values)  # type: ignore[arg-type]
+            swarm.Bar(*values)  # type: ignore[arg-type]
 
     def test_nothing_is_no_chart(self):
         """There is no time to draw."""
         with pytest.raises(ValueError, match="at least one step"):
-            draw_gantt([], HEADING)
+            swarm.draw_gantt([], HEADING)
 
 
 class TestRewards:
@@ -516,15 +489,15 @@ class TestRewards:
     def test_what_cannot_be_drawn_is_refused(self):
         """No step, or an action that nobody knows."""
         with pytest.raises(ValueError, match="No step"):
-            draw_rewards([], ["B0"], HEADING)
+            figures.draw_rewards([], ["B0"], HEADING)
         with pytest.raises(ValueError, match="'B9' is none"):
-            draw_rewards([RewardStep("t", "B9", "", 0.0)], ["B0"], HEADING)
+            figures.draw_rewards([figures.RewardStep("t", "B9", "", 0.0)], ["B0"], HEADING)
 
     def test_small_rewards_are_seen_beside_a_large_one(self):
         """On a logarithmic axis each bar is as high as a twentieth of it at least."""
         rewards = [-0.0038, -0.014, -0.021, 10.0]
-        steps = [RewardStep("t", "B0", "", reward) for reward in rewards]
-        axes = draw_rewards(steps, ["B0"], HEADING).axes[0]
+        steps = [figures.RewardStep("t", "B0", "", reward) for reward in rewards]
+        axes = figures.draw_rewards(steps, ["B0"], HEADING).axes[0]
         assert "reward [-], log scale" == axes.get_ylabel()
         heights = [bar.get_window_extent().height for bar in axes.patches]
         assert min(heights) > axes.get_window_extent().height / 20
@@ -538,8 +511,10 @@ class TestLearning:
     def test_a_short_axis_is_labelled_with_plain_numbers(self, most, shown):
         """Between powers of ten too, and never by a formula."""
         episodes = np.arange(1.0, 50.0)
-        curve = LearningCurve("set 1", episodes, np.linspace(most, 5.5, 98).reshape(2, 49))
-        written = set(texts(draw_learning([LearningPanel("board", (curve,))], HEADING)))
+        curve = figures.LearningCurve("set 1", episodes, np.linspace(most, 5.5, 98).reshape(2, 49))
+        written = set(
+            texts(figures.draw_learning([figures.LearningPanel("board", (curve,))], HEADING))
+        )
         assert shown <= written
         assert not any("mathdefault" in text or "$" in text for text in written)
 
@@ -553,7 +528,7 @@ class TestLearning:
     def test_binning_keeps_the_sum_of_steps(self, points, every):
         """A constant stays what it is, and no stretch is lost."""
         episodes = np.arange(1.0, points + 1) * every
-        middles, steps = LearningCurve("c", episodes, np.full((2, points), 7.0)).binned()
+        middles, steps = figures.LearningCurve("c", episodes, np.full((2, points), 7.0)).binned()
         assert len(middles) == steps.shape[1] <= 48
         assert np.allclose(7.0, steps)
         assert (np.diff(middles) > 0).all()
@@ -571,14 +546,14 @@ class TestLearning:
     def test_a_curve_is_of_ascending_episodes(self, episodes, steps, message):
         """With steps for each of them."""
         with pytest.raises(ValueError, match=message):
-            LearningCurve("c", np.array(episodes), steps)
+            figures.LearningCurve("c", np.array(episodes), steps)
 
     def test_a_panel_has_one_or_two_curves(self):
         """And a figure at least one panel."""
         with pytest.raises(ValueError, match="1 to 2 curves, not 0"):
-            LearningPanel("p", ())
+            figures.LearningPanel("p", ())
         with pytest.raises(ValueError, match="No learning curve"):
-            draw_learning([], HEADING)
+            figures.draw_learning([], HEADING)
 
 
 class TestQValues:
@@ -590,18 +565,18 @@ class TestQValues:
 
     def test_no_two_actions_look_alike(self):
         """Told apart by colour and marker together, up to 24 of them."""
-        assert 24 == len({choose_look(number) for number in range(24)})
+        assert 24 == len({figures.choose_look(number) for number in range(24)})
 
     def test_values_must_be_there_for_every_episode(self):
         """Of every action."""
         with pytest.raises(ValueError, match="all of them as many"):
-            StateValues("C1", {"B0": [0.0], "B1": []})
+            figures.StateValues("C1", {"B0": [0.0], "B1": []})
         with pytest.raises(ValueError, match="all of them as many"):
-            StateValues("C1", {})
+            figures.StateValues("C1", {})
         with pytest.raises(ValueError, match="not a value for each"):
-            draw_q_values([1, 2], [StateValues("C1", {"B0": [0.0]})], HEADING)
+            figures.draw_q_values([1, 2], [figures.StateValues("C1", {"B0": [0.0]})], HEADING)
         with pytest.raises(ValueError, match="No state"):
-            draw_q_values([1], [], HEADING)
+            figures.draw_q_values([1], [], HEADING)
 
 
 class TestFleet:
@@ -614,18 +589,18 @@ class TestFleet:
 
     def test_a_path_says_when_a_robot_is_where(self):
         """A robot that waits has no entry for that step."""
-        paths = find_paths({"a": 1, "b": 5}, [[("a", 2)], [("b", 6), ("a", 3)]])
+        paths = swarm.find_paths({"a": 1, "b": 5}, [[("a", 2)], [("b", 6), ("a", 3)]])
         assert {"a": [(0, 1), (1, 2), (2, 3)], "b": [(0, 5), (2, 6)]} == paths
 
     def test_robots_must_be_known(self):
         """By where they start."""
         with pytest.raises(ValueError, match="at least one robot"):
-            find_paths({}, [])
+            swarm.find_paths({}, [])
         with pytest.raises(ValueError, match="'b' moves"):
-            find_paths({"a": 1}, [[("b", 2)]])
+            swarm.find_paths({"a": 1}, [[("b", 2)]])
 
 
 def test_a_run_has_a_seed():
     """That is not negative."""
     with pytest.raises(ValueError, match="seed must be >= 0"):
-        Run(seed=-1)
+        figures.Run(seed=-1)

@@ -11,25 +11,18 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from skillplan.task import Metric
-from skillplan.views.figures import (
-    Heading,
-    RunCurve,
-    average_runs,
-    draw_distances,
-    draw_success,
-    render_figure,
-)
+from skillplan.views import figures
 from thinned import slow_case
 
-HEADING, METRIC = Heading("A title", "task t"), Metric("distance", "m")
+HEADING, METRIC = figures.Heading("A title", "task t"), Metric("distance", "m")
 
 
 def a_curve(
     success: list[int], *, run: int = 0, length: int = 10, done: int | None = None
-) -> RunCurve:
+) -> figures.RunCurve:
     """Return a run whose episodes all take as many steps."""
     count = len(success)
-    return RunCurve(
+    return figures.RunCurve(
         f"run {run}, seed {run}",
         count * length if done is None else done,
         np.arange(1, count + 1) * length,
@@ -86,7 +79,7 @@ class TestCurve:
 
     def test_mean_and_deviation_are_of_the_runs_that_have_got_so_far(self):
         curves = [a_curve([1, 1]), a_curve([0, 0], run=1), a_curve([0], run=2)]
-        _, mean, spread = average_runs(curves, np.array([1.0, 2.0, 3.0]), "episodes")
+        _, mean, spread = figures.average_runs(curves, np.array([1.0, 2.0, 3.0]), "episodes")
         np.testing.assert_allclose([1 / 3, 0.5, np.nan], mean)
         np.testing.assert_allclose([np.sqrt(2 / 9), 0.5, np.nan], spread)
 
@@ -95,22 +88,22 @@ class TestCurve:
     )
     def test_episodes_end_one_after_another(self, ends, done):
         with pytest.raises(ValueError, match="one after another"):
-            RunCurve("run 0", done, np.array(ends), np.ones(2, dtype=np.bool_), np.ones(2))
+            figures.RunCurve("run 0", done, np.array(ends), np.ones(2, dtype=np.bool_), np.ones(2))
 
 
 class TestSuccess:
     def test_the_thick_line_is_the_mean_over_runs(self):
-        figure = draw_success([a_curve([1] * 200), a_curve([0] * 200, run=1)], HEADING)
+        figure = figures.draw_success([a_curve([1] * 200), a_curve([0] * 200, run=1)], HEADING)
         heights = line(figure, "mean").get_ydata()
         np.testing.assert_allclose(50.0, heights[np.isfinite(heights)])
 
     def test_the_paper_is_a_line_with_a_name_where_it_is_asked_for(self):
         curves = [a_curve([0, 1] * 50)]
-        label = line(draw_success(curves, HEADING, published=0.4), "published").get_text()
+        label = line(figures.draw_success(curves, HEADING, published=0.4), "published").get_text()
         assert "Moller et al.: about 40 %" == label
         assert not [
             get_child
-            for get_child in draw_success(curves, HEADING).axes[0].get_children()
+            for get_child in figures.draw_success(curves, HEADING).axes[0].get_children()
             if get_child.get_gid() == "published"
         ]
 
@@ -118,25 +111,25 @@ class TestSuccess:
         ("against", "label"), [("steps", "environment step [-]"), ("episodes", "episode [-]")]
     )
     def test_the_axis_says_what_it_counts(self, against, label):
-        axes = draw_success([a_curve([0, 1])], HEADING, against=against).axes[0]
+        axes = figures.draw_success([a_curve([0, 1])], HEADING, against=against).axes[0]
         assert label == axes.get_xlabel()
 
     def test_where_runs_end_early_a_line_says_so(self):
         curves = [a_curve([1] * 20), a_curve([1] * 40, run=1)]
-        texts = [text.get_text() for text in draw_success(curves, HEADING).axes[0].texts]
+        texts = [text.get_text() for text in figures.draw_success(curves, HEADING).axes[0].texts]
         assert ["beyond, of the runs that went on"] == texts
-        assert not draw_success([curves[0], curves[0]], HEADING).axes[0].texts
+        assert not figures.draw_success([curves[0], curves[0]], HEADING).axes[0].texts
 
     def test_without_an_episode_there_is_nothing_to_draw(self):
         with pytest.raises(ValueError, match="No episode"):
-            draw_success([a_curve([], done=100)], HEADING)
+            figures.draw_success([a_curve([], done=100)], HEADING)
 
 
 class TestDistances:
     def test_every_run_has_a_look_of_its_own(self):
         """A colour, and from the ninth on a dash."""
         curves = [a_curve([1] * 5, run=run) for run in range(20)]
-        legend = draw_distances(curves, METRIC, HEADING).legends[0]
+        legend = figures.draw_distances(curves, METRIC, HEADING).legends[0]
         looks = {
             (
                 get_line.get_color(),
@@ -152,18 +145,18 @@ class TestDistances:
 
     def test_a_run_that_never_completes_is_named_as_such(self):
         curves = [a_curve([1, 1]), a_curve([0, 0], run=1)]
-        legend = draw_distances(curves, METRIC, HEADING).legends[0]
+        legend = figures.draw_distances(curves, METRIC, HEADING).legends[0]
         assert ["run 0, seed 0", "run 1, seed 1: none"] == [
             get_text.get_text() for get_text in legend.get_texts()
         ]
 
     def test_the_line_is_the_mean_of_the_last_100_sequences(self):
-        figure = draw_distances([a_curve([1] * 150)], METRIC, HEADING)
+        figure = figures.draw_distances([a_curve([1] * 150)], METRIC, HEADING)
         smooth = line(figure, "smoothed run 0").get_ydata()
         assert pytest.approx(2.0 + 0.01 * np.mean(range(50, 150))) == smooth[-1]
 
     def test_the_optimum_is_a_line_in_sight(self):
-        figure = draw_distances([a_curve([1, 1])], METRIC, HEADING, optimum=1.5)
+        figure = figures.draw_distances([a_curve([1, 1])], METRIC, HEADING, optimum=1.5)
         assert {1.5} == set(line(figure, "optimum").get_ydata())
         low, _ = figure.axes[0].get_ylim()
         assert low < 1.5
@@ -171,7 +164,7 @@ class TestDistances:
 
     def test_without_a_completed_sequence_there_is_nothing_to_draw(self):
         with pytest.raises(ValueError, match="No completed sequence"):
-            draw_distances([a_curve([0, 0])], METRIC, HEADING)
+            figures.draw_distances([a_curve([0, 0])], METRIC, HEADING)
 
 
 @pytest.mark.parametrize(
@@ -180,7 +173,7 @@ class TestDistances:
 def test_equal_figures_are_equal_files(suffix):
     curves = [a_curve([0, 1, 1] * 50, run=run) for run in range(3)]
     for draw in (
-        lambda: draw_success(curves, HEADING, published=0.4),
-        lambda: draw_distances(curves, METRIC, HEADING, optimum=2.0),
+        lambda: figures.draw_success(curves, HEADING, published=0.4),
+        lambda: figures.draw_distances(curves, METRIC, HEADING, optimum=2.0),
     ):
-        assert render_figure(draw(), suffix) == render_figure(draw(), suffix)
+        assert figures.render_figure(draw(), suffix) == figures.render_figure(draw(), suffix)

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+import skillplan_cad as cad
 from cad_fixtures import box, part_of, relation_by_hand
-from skillplan_cad import (
-    Planner,
-    Product,
-    Watch,
-    add_groups,
-    find_common_pattern,
-    list_stuck,
-)
 
 TUNNEL = box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 15, 9)
 BOTH = {"body": "key", "key": "body"}
@@ -27,14 +20,14 @@ def keyed(body, lid=True):
         solids["lid"] = box(0, 0, 12, 40, 40, 14)
         blocked["+z"] = {"body": "key lid", "key": "body lid"}
         touches.append("body lid")
-    product = Product("keyed", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
+    product = cad.Product("keyed", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
     masses = {part.name: part.mass_kg for part in product}
     return product, relation_by_hand(solids, blocked, touches, masses)
 
 
 def test_a_part_comes_by_the_path_that_was_found_once_what_is_in_its_way_is_absent():
     product, relation = keyed(TUNNEL - box(25, 5, 3, 35, 40, 9))
-    plan = Planner(product, relation).plan()
+    plan = cad.Planner(product, relation).plan()
     assert (plan.base, plan.complete, plan.cheapest) == ("body", True, True)
     assert "% of the mass and touches 2 of the 2 other parts" in plan.why_base
     steps = {step.parts: step for step in plan.steps}
@@ -47,13 +40,13 @@ def test_a_part_comes_by_the_path_that_was_found_once_what_is_in_its_way_is_abse
 
 def test_what_is_stuck_is_named_with_the_word_and_with_what_is_in_its_way():
     product, relation = keyed(TUNNEL, lid=False)
-    plan = Planner(product, relation, budget=40).plan()
+    plan = cad.Planner(product, relation, budget=40).plan()
     (stuck,) = plan.stuck
     assert (stuck.part, stuck.among) == ("key", ("body",))
     assert stuck.search.outcome in ("closed", "budget spent")
     assert [met.part for met in stuck.search.in_the_way] == ["body"]
     assert not plan.complete
-    marked = add_groups(relation, plan)
+    marked = cad.add_groups(relation, plan)
     assert marked.stuck == ("key",)
     assert marked.groups == (("body", "key"),)
 
@@ -61,28 +54,28 @@ def test_what_is_stuck_is_named_with_the_word_and_with_what_is_in_its_way():
 def test_without_a_stuck_part_the_others_come_together():
     """Body and key leave the lid as one, and the smaller one cannot leave the other."""
     product, relation = keyed(TUNNEL)
-    plan = Planner(product, relation, budget=40).plan("lid")
+    plan = cad.Planner(product, relation, budget=40).plan("lid")
     assert plan.withdrawn == ("key",)
     assert [step.parts for step in plan.steps] == [("body",)]
     assert [stuck.part for stuck in plan.stuck] == ["key"]
-    reason = list_stuck(plan, relation)["key"]
+    reason = cad.list_stuck(plan, relation)["key"]
     assert (reason.kind, reason.by) == ("stuck", ("body",))
 
 
 def test_when_time_is_over_no_path_is_searched_and_what_needs_one_is_left_out():
     product, relation = keyed(TUNNEL - box(25, 5, 3, 35, 40, 9))
-    plan = Planner(product, relation, watch=Watch(must_stop=lambda: True)).plan()
+    plan = cad.Planner(product, relation, watch=cad.Watch(must_stop=lambda: True)).plan()
     assert [step.parts for step in plan.steps] == [("lid",)]
     (stuck,) = plan.stuck
     assert (stuck.part, stuck.search.outcome) == ("key", "not searched")
-    assert list_stuck(plan, relation)["key"].kind == "not examined"
+    assert cad.list_stuck(plan, relation)["key"].kind == "not examined"
 
 
 def test_an_option_that_joins_two_parts_fits_no_other():
     names = ("cylinder body", "cylinder rod", "unit/case", "unit/rod[1]", "pin 1", "pin 2", "pin 3")
-    assert find_common_pattern(("cylinder body", "cylinder rod"), names) == "cylinder *"
-    assert find_common_pattern(("unit/case", "unit/rod[1]"), names) == "unit/*"
-    assert find_common_pattern(("pin 1", "pin 2"), names) is None
+    assert cad.find_common_pattern(("cylinder body", "cylinder rod"), names) == "cylinder *"
+    assert cad.find_common_pattern(("unit/case", "unit/rod[1]"), names) == "unit/*"
+    assert cad.find_common_pattern(("pin 1", "pin 2"), names) is None
 
 
 def test_two_links_in_a_case_come_as_one_after_they_were_put_together():
@@ -95,9 +88,9 @@ def test_two_links_in_a_case_come_as_one_after_they_were_put_together():
     blocked = {"+x": inside, "+y": inside, "+z": {"case": "hook eye", "hook": "eye", "eye": "hook"}}
     # Apart from the case one slides out of the other along x.
     blocked["+x"] = {"case": "hook eye", "hook": "case", "eye": "case hook"}
-    product = Product("case", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
+    product = cad.Product("case", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
     relation = relation_by_hand(solids, blocked, ["case hook", "case eye", "hook eye"])
-    plan = Planner(product, relation).plan("case")
+    plan = cad.Planner(product, relation).plan("case")
     assert plan.why_base == "It was asked for."
     assert plan.subassemblies == (("eye", "hook"),)
     assert [step.parts for step in plan.steps] == [("hook",), ("hook", "eye")]

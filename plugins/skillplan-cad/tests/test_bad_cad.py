@@ -17,20 +17,11 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skillplan_cad as cad
 from cad_products import file
 from skillplan.cli import run
 from skillplan.errors import OptionError
 from skillplan.plugins import installed
-from skillplan_cad import (
-    Instance,
-    Part,
-    RawPart,
-    RayMesh,
-    ReadOptions,
-    StepContent,
-    mend,
-    read_product,
-)
 from skillplan_cad.importing import import_cad
 from skillplan_cad.reading import step_file
 from thinned import release_case
@@ -218,7 +209,7 @@ def test_a_part_out_of_all_proportion_is_left_out_by_its_name(tmp_path, low_mm, 
     block(tmp_path / "one.obj", 0.0)
     block(tmp_path / "two.obj", 10.0)
     block(tmp_path / "odd.obj", low_mm, size_mm)
-    read = read_product(tmp_path, ReadOptions("mm"))
+    read = cad.read_product(tmp_path, cad.ReadOptions("mm"))
     assert [part.name for part in read] == ["one", "two"]
     assert any(words in warning for warning in read.warnings)
 
@@ -240,7 +231,7 @@ def test_a_part_without_thickness_is_left_out_by_its_name(capsys, tmp_path, low_
     block(source / "one.obj", 0.0)
     block(source / "two.obj", 10.0)
     block(source / "odd.obj", low_mm, size_mm)
-    read = read_product(source, ReadOptions("mm"))
+    read = cad.read_product(source, cad.ReadOptions("mm"))
     assert [part.name for part in read] == ["one", "two"]
     (warning,) = [words for words in read.warnings if "odd" in words]
     assert "odd is left out: it is " in warning
@@ -280,7 +271,7 @@ def test_a_link_that_leads_out_of_a_folder_or_nowhere_is_left_out(tmp_path, targ
     block(source / "one.obj", 0.0)
     block(source / "two.obj", 10.0)
     (source / "loop.obj").symlink_to(target)
-    read = read_product(source, ReadOptions("mm"))
+    read = cad.read_product(source, cad.ReadOptions("mm"))
     assert [part.name for part in read] == ["one", "two"]
     assert read.warnings[0].startswith("loop is left out: loop.obj cannot be read: ")
     assert target == "loop.obj" or "a link leads out of the folder. Copy the" in read.warnings[0]
@@ -294,7 +285,7 @@ def test_a_link_within_a_folder_is_followed(tmp_path):
     block(source / "kept" / "two.obj", 10.0)
     (source / "two.obj").symlink_to("kept/two.obj")
     (tmp_path / "link").symlink_to("parts")
-    read = read_product(tmp_path / "link", ReadOptions("mm"))
+    read = cad.read_product(tmp_path / "link", cad.ReadOptions("mm"))
     assert [part.name for part in read] == ["one", "two"]
 
 
@@ -344,8 +335,8 @@ def test_more_parts_than_a_process_has_keys_for_devices_are_traced():
     """Embree's devices are few: one serves all parts."""
     corners = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]], dtype=float) * 1e-3
     triangles = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
-    part = Part("a", (), corners, triangles, (), 1e-9, 7850.0, (0.0, 0.0, 0.0), 0)
-    meshes = [RayMesh(part, np.zeros(3)) for _ in range(1100)]
+    part = cad.Part("a", (), corners, triangles, (), 1e-9, 7850.0, (0.0, 0.0, 0.0), 0)
+    meshes = [cad.RayMesh(part, np.zeros(3)) for _ in range(1100)]
     hits = [mesh.find_first_hits([[0.1, 0.1, -9.0]], [[0.0, 0.0, 1.0]])[0] for mesh in meshes]
     assert hits == [2] * len(meshes)
 
@@ -363,8 +354,8 @@ def test_more_parts_than_a_process_has_keys_for_devices_are_traced():
 def test_any_step_file_is_handed_to_occt_or_refused_in_words(pieces):
     """What is looked at before OCCT starts never fails."""
     box = trimesh.creation.box((10, 10, 10))
-    solid = mend(RawPart("box", (), np.asarray(box.vertices), np.asarray(box.faces)))
-    content = StepContent("odd", (solid,), (Instance(0, "box", "box", (), np.eye(4)),))
+    solid = cad.mend(cad.RawPart("box", (), np.asarray(box.vertices), np.asarray(box.faces)))
+    content = cad.StepContent("odd", (solid,), (cad.Instance(0, "box", "box", (), np.eye(4)),))
     with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         path = Path(folder, "odd.step")
         path.write_bytes(b"ISO-10303-21;\nDATA;\n" + b"".join(pieces) + END)
@@ -402,7 +393,7 @@ def test_any_mesh_is_read_or_refused_in_words(suffix, at, end):
         block(Path(folder, "whole.obj"), 20.0)
         refusal, parts = "", ()
         try:
-            parts = read_product(Path(folder), ReadOptions("mm")).parts
+            parts = cad.read_product(Path(folder), cad.ReadOptions("mm")).parts
         except OptionError as error:
             refusal = str(error)
     assert refusal.startswith(folder) or len(parts) == 2
@@ -440,7 +431,7 @@ def test_damage_is_refused_in_words_or_makes_no_difference(tmp_path, name, seed)
     path.write_bytes(damaged(content, seed))
     message, read = "", ()
     try:
-        read = read_product(path, ReadOptions())
+        read = cad.read_product(path, cad.ReadOptions())
     except OptionError as error:
         message = str(error)
     assert len(read) > 1 or message.startswith(f"{path}: ")

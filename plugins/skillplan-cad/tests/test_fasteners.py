@@ -11,14 +11,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skillplan_cad as cad
 from skillplan.cli import run
-from skillplan_cad import (
-    FastenerOptions,
-    ReadOptions,
-    find_joints,
-    read_product,
-    recognise_kind,
-)
 
 Solid = manifold3d.Manifold
 SCREW = "screw M3x8"
@@ -72,8 +66,8 @@ def screwed(core_mm=1.25, name=SCREW):
 
 def find(folder, parts, options=None, **more):
     """Return the joints of parts as meshes."""
-    product = read_product(write(folder, parts, **more), ReadOptions("mm"))
-    return find_joints(product, 1e-4, "cylinders", "unscrew", declared=options)
+    product = cad.read_product(write(folder, parts, **more), cad.ReadOptions("mm"))
+    return cad.find_joints(product, 1e-4, "cylinders", "unscrew", declared=options)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +90,7 @@ def find(folder, parts, options=None, **more):
     ],
 )
 def test_names_of_many_languages_and_standards_tell_the_kind(kind, names):
-    assert {name: recognise_kind(name, "") for name in names.split("|")} == dict.fromkeys(
+    assert {name: cad.recognise_kind(name, "") for name in names.split("|")} == dict.fromkeys(
         names.split("|"), kind
     )
 
@@ -210,5 +204,5 @@ def test_options_overrule_what_was_recognised(capsys, tmp_path):
     ):
         assert run([*command, "--out", str(tmp_path / "none"), *words]) == 2
         assert message in " ".join(capsys.readouterr().err.split())
-    options = FastenerOptions(others=(SCREW,))
+    options = cad.FastenerOptions(others=(SCREW,))
     assert find(tmp_path / "named", screwed(), options=options).fasteners == ()

@@ -11,18 +11,12 @@ import pytest
 import yaml
 from PIL import Image as PillowImage
 
+import skillplan_cad as cad
 from cad_products import FIXTURES, file, read_here
 from skillplan.cli import run
 from skillplan.errors import OptionError
 from skillplan.plugins import installed
 from skillplan.views.report import draw_import
-from skillplan_cad import (
-    ReadOptions,
-    assign_materials,
-    parse_material,
-    read_product,
-    read_relation,
-)
 from skillplan_cad.importing import import_cad
 from thinned import slow_case
 
@@ -64,7 +58,7 @@ def test_documents_fit_their_schemas(made, name):
 
 def test_a_relation_that_was_written_is_read(made):
     """With the fastener, its thread waived."""
-    relation = read_relation(made / "relation.json")
+    relation = cad.read_relation(made / "relation.json")
     assert relation.names == ("block", "cap", "bolt")
     assert relation.fastener("bolt").threaded_in == ("block",)
     assert relation.blockers("bolt", 4) == ()
@@ -239,14 +233,14 @@ def test_without_the_plugin_the_command_says_how_to_get_it(monkeypatch, capsys, 
 )
 def test_a_wrong_material_is_refused_with_what_there_is(text, message):
     with pytest.raises(OptionError, match=re.escape(message)):
-        parse_material(text)
+        cad.parse_material(text)
 
 
 def test_the_last_material_that_fits_a_part_counts_and_the_default_is_told_once():
-    product = read_product(file("threads"), ReadOptions())
-    known, materials = assign_materials(product, ["c*=abs", "cap=1850", "bolt=stainless"], 2700)
+    product = cad.read_product(file("threads"), cad.ReadOptions())
+    known, materials = cad.assign_materials(product, ["c*=abs", "cap=1850", "bolt=stainless"], 2700)
     assert materials == {"cap": "1850", "bolt": "stainless"}
     assert [part.density_kg_m3 for part in known] == [2700, 1850, 7900]
     assert known.notes[-1].startswith("masses assume 2700 kg/m3 for 1 of 3 parts")
     with pytest.raises(OptionError, match=r"no part has such a name\. Did you mean 'cap'\?"):
-        assign_materials(product, ["cab=abs"], 7850)
+        cad.assign_materials(product, ["cab=abs"], 7850)

@@ -12,22 +12,12 @@ import numpy as np
 import pytest
 import trimesh
 
+import skillplan_cad as cad
 from cad_fixtures import box as solid_box
 from cad_fixtures import part_of
 from cad_products import file, product, truth
 from skillplan.errors import OptionError
-from skillplan_cad import (
-    Limits,
-    Product,
-    RawPart,
-    ReadOptions,
-    describe_unit_doubt,
-    find_shapes,
-    mend,
-    prepare,
-    read_in_process,
-    read_product,
-)
+from skillplan_cad import prepare
 from skillplan_cad.reading import step_file
 from thinned import slow_case, thinned
 
@@ -70,7 +60,7 @@ class TestStep:
         path = tmp_path / "threads.step"
         content = gzip.decompress(file("threads").read_bytes())
         path.write_bytes(content.replace(b"'bolt'", b"'NAUO7'"))
-        whole = read_product(path, ReadOptions())
+        whole = cad.read_product(path, cad.ReadOptions())
         named = product("threads")
         bolt = named.index("bolt")
         assert whole.parts[bolt].name == whole.parts[bolt].design != "NAUO7"
@@ -90,7 +80,7 @@ class TestStep:
         path = tmp_path / "threads.step"
         content = gzip.decompress(file("threads").read_bytes())
         path.write_bytes(content.replace(b"'bolt'", f"'{name}'".encode(encoding)))
-        whole = read_product(path, ReadOptions())
+        whole = cad.read_product(path, cad.ReadOptions())
         assert name in [part.name for part in whole]
         assert f"names are read as {encoding}, as the file is not in UTF-8" in whole.warnings
 
@@ -103,7 +93,7 @@ class TestStep:
             assert part.bounds_m == pytest.approx(other.bounds_m, abs=1e-6)
             assert part.volume_m3 == pytest.approx(other.volume_m3, rel=1e-5)
         for name, unit, scale in (("inch", "mm", 1 / 25.4), ("bracket", "inch", 25.4)):
-            restated = read_product(file(name), ReadOptions(unit=unit))
+            restated = cad.read_product(file(name), cad.ReadOptions(unit=unit))
             assert restated.unit == unit
             for part, other in zip(restated.parts, metric.parts, strict=True):
                 assert part.volume_m3 == pytest.approx(other.volume_m3 * scale**3, rel=1e-3)
@@ -112,14 +102,14 @@ class TestStep:
         """A nut of 15 mm, as inches 381 mm; a shaft of 381 mm is none to doubt."""
         nut, block = solid_box(0, 0, 0, 381, 381, 200), solid_box(400, 0, 0, 2400, 2000, 500)
         parts = (part_of("nut", nut), part_of("block", block))
-        huge = Product("p", parts, "inch", 1e-4)
-        assert describe_unit_doubt(huge).startswith(
+        huge = cad.Product("p", parts, "inch", 1e-4)
+        assert cad.describe_unit_doubt(huge).startswith(
             "the file states inch, with which nut is 381 mm"
         )
-        assert "--unit inch keeps" in describe_unit_doubt(huge)
-        assert not describe_unit_doubt(replace(huge, unit="mm"))
-        assert not describe_unit_doubt(replace(huge, parts=(part_of("shaft", nut), parts[1])))
-        assert not describe_unit_doubt(replace(huge, chord_m=0.0))
+        assert "--unit inch keeps" in cad.describe_unit_doubt(huge)
+        assert not cad.describe_unit_doubt(replace(huge, unit="mm"))
+        assert not cad.describe_unit_doubt(replace(huge, parts=(part_of("shaft", nut), parts[1])))
+        assert not cad.describe_unit_doubt(replace(huge, chord_m=0.0))
 
     def test_faces_have_their_surfaces(self):
         """A washer is two planes and two cylinders, one of them hollow."""
@@ -159,7 +149,7 @@ class TestStep:
         path = tmp_path / "product.step"
         path.write_bytes(content)
         with pytest.raises(OptionError, match=words) as caught:
-            read_product(path, ReadOptions())
+            cad.read_product(path, cad.ReadOptions())
         assert str(path) in str(caught.value)
 
     def test_a_file_that_lacks_a_piece_is_refused(self, tmp_path):
@@ -168,11 +158,11 @@ class TestStep:
         content = file("floating").read_bytes()
         path.write_bytes(content[: len(content) // 2] + b";\nENDSEC;\nEND-ISO-10303-21;\n")
         with pytest.raises(OptionError, match="is damaged: it refers to"):
-            read_product(path, ReadOptions())
+            cad.read_product(path, cad.ReadOptions())
 
     def test_an_open_part_is_a_surface_that_is_told_with_its_place(self):
         """The tray lacks a side; the others do not lose their product for it."""
-        whole = read_product(file("open_mesh"), ReadOptions())
+        whole = cad.read_product(file("open_mesh"), cad.ReadOptions())
         tray = whole.parts[whole.index("tray")]
         assert [part.name for part in whole if part.closure == "surface"] == ["tray"]
         assert tray.volume_m3 == pytest.approx(
@@ -188,15 +178,15 @@ class TestFolders:
         """Meshes state none."""
         path = folder(tmp_path, one=box(), two=box(at=(10, 0, 0)))
         with pytest.raises(OptionError, match="--unit mm"):
-            read_product(path, ReadOptions())
+            cad.read_product(path, cad.ReadOptions())
         with pytest.raises(OptionError, match="Did you mean 'mm'"):
-            read_product(path, ReadOptions(unit="mmm"))
+            cad.read_product(path, cad.ReadOptions(unit="mmm"))
 
     @pytest.mark.parametrize(("unit", "volume"), [("mm", 1e-6), ("inch", 1e-6 * 25.4**3)])
     def test_meshes_are_parts_named_after_their_files(self, tmp_path, unit, volume):
         """In the order of their names."""
         path = folder(tmp_path, two=box(at=(10, 0, 0)), one=box())
-        whole = read_product(path, ReadOptions(unit=unit))
+        whole = cad.read_product(path, cad.ReadOptions(unit=unit))
         assert [part.name for part in whole.parts] == ["one", "two"]
         assert whole.parts[0].volume_m3 == pytest.approx(volume)
         assert whole.parts[0].shape == whole.parts[1].shape
@@ -205,7 +195,7 @@ class TestFolders:
         """By their facets."""
         peg = trimesh.creation.cylinder(radius=3, height=20, sections=48)
         path = folder(tmp_path, peg=peg, plate=box((30, 30, 5), (0, 0, -20)))
-        whole = read_product(path, ReadOptions(unit="mm"))
+        whole = cad.read_product(path, cad.ReadOptions(unit="mm"))
         (round_face,) = [face for face in whole.parts[0].faces if face.kind == "cylinder"]
         assert round_face.radius_m == pytest.approx(0.003, rel=1e-3)
         assert np.abs(round_face.axis) == pytest.approx([0, 0, 1], abs=1e-6)
@@ -215,10 +205,10 @@ class TestFolders:
         """One file with two cubes."""
         both = trimesh.util.concatenate([box(), box(at=(30, 0, 0))])
         path = folder(tmp_path, both=both, plate=box((90, 30, 5), (0, 0, -20)))
-        whole = read_product(path, ReadOptions(unit="mm"))
+        whole = cad.read_product(path, cad.ReadOptions(unit="mm"))
         assert whole.parts[0].bodies == 2
         assert any("--split-bodies" in note for note in whole.notes)
-        apart = read_product(path, ReadOptions(unit="mm", split_bodies=True))
+        apart = cad.read_product(path, cad.ReadOptions(unit="mm", split_bodies=True))
         assert [part.name for part in apart.parts] == ["both.1", "both.2", "plate"]
 
     @pytest.mark.parametrize(
@@ -234,13 +224,13 @@ class TestFolders:
     )
     def test_what_cannot_be_assembled_is_refused(self, tmp_path, meshes, words):
         with pytest.raises(OptionError, match=words):
-            read_product(folder(tmp_path, **meshes), ReadOptions(unit="mm"))
+            cad.read_product(folder(tmp_path, **meshes), cad.ReadOptions(unit="mm"))
 
     def test_a_damaged_mesh_is_left_out_by_its_file(self, tmp_path):
         """And what it was read as; the others do not lose their product for it."""
         folder(tmp_path, one=box(), three=box(at=(10, 0, 0)))
         (tmp_path / "two.ply").write_text("nonsense")
-        whole = read_product(tmp_path, ReadOptions(unit="mm"))
+        whole = cad.read_product(tmp_path, cad.ReadOptions(unit="mm"))
         assert [part.name for part in whole] == ["one", "three"]
         (warning,) = whole.warnings
         assert warning.startswith("two is left out: two.ply cannot be read as PLY")
@@ -257,7 +247,7 @@ class TestFolders:
         self, tmp_path, files, names
     ):
         folder(tmp_path, **{name: box(at=(20 * n, 0, 0)) for n, name in enumerate(files)})
-        whole = read_product(tmp_path, ReadOptions(unit="mm"))
+        whole = cad.read_product(tmp_path, cad.ReadOptions(unit="mm"))
         assert [part.name for part in whole] == names
 
     def test_file_names_of_other_encodings_are_read(self, tmp_path):
@@ -265,7 +255,7 @@ class TestFolders:
         folder(tmp_path, one=box())
         (tmp_path / "one.stl").rename(tmp_path / os.fsdecode("轴承座.stl".encode("gbk")))
         folder(tmp_path, two=box(at=(10, 0, 0)))
-        whole = read_product(tmp_path, ReadOptions(unit="mm"))
+        whole = cad.read_product(tmp_path, cad.ReadOptions(unit="mm"))
         assert sorted(part.name for part in whole) == ["two", "轴承座"]
 
 
@@ -280,7 +270,7 @@ class TestScenes:
         move = trimesh.transformations.translation_matrix((0.02, 0, 0))
         scene.add_geometry(cube, node_name="cover", parent_node_name="head", transform=move)
         (tmp_path / "pump.glb").write_bytes(scene.export(file_type="glb"))
-        whole = read_product(tmp_path / "pump.glb", ReadOptions())
+        whole = cad.read_product(tmp_path / "pump.glb", cad.ReadOptions())
         assert sorted(part.name for part in whole) == ["base", "head/cover"]
         assert [part.volume_m3 for part in whole] == pytest.approx([1e-6, 1e-6])
         cover = whole.parts[whole.index("head/cover")]
@@ -307,7 +297,7 @@ class TestScenes:
             archive.writestr("3D/own.model", own)
             whole = model.format(unit=unit, objects=first + group, items=items)
             archive.writestr("3D/3dmodel.model", whole)
-        product = read_product(tmp_path / "pump.3mf", ReadOptions())
+        product = cad.read_product(tmp_path / "pump.3mf", cad.ReadOptions())
         assert [part.name for part in product] == ["base", "head/cover"]
         assert product.parts[1].volume_m3 == pytest.approx(metres**3)
         assert product.parts[1].centre_m == pytest.approx((3 * metres, 0, 0), abs=1e-9)
@@ -315,10 +305,10 @@ class TestScenes:
     def test_a_unit_is_for_glb_only(self, tmp_path):
         (tmp_path / "pump.3mf").write_bytes(b"")
         with pytest.raises(OptionError, match="3MF states its unit itself"):
-            read_product(tmp_path / "pump.3mf", ReadOptions(unit="mm"))
+            cad.read_product(tmp_path / "pump.3mf", cad.ReadOptions(unit="mm"))
         scene = trimesh.Scene([box(), box(at=(20, 0, 0))])
         (tmp_path / "pump.glb").write_bytes(scene.export(file_type="glb"))
-        whole = read_product(tmp_path / "pump.glb", ReadOptions(unit="mm"))
+        whole = cad.read_product(tmp_path / "pump.glb", cad.ReadOptions(unit="mm"))
         assert whole.parts[0].volume_m3 == pytest.approx(1e-6)
 
 
@@ -329,14 +319,14 @@ class TestOcctApart:
         """As a fault in its memory is."""
         path = tmp_path / "cursed.step"
         with pytest.raises(OptionError, match=r"cursed\.step: OCCT crashed on it \(signal 11\)"):
-            read_in_process(path, signal.raise_signal, signal.SIGSEGV, Limits(60))
+            cad.read_in_process(path, signal.raise_signal, signal.SIGSEGV, cad.Limits(60))
 
     @pytest.mark.parametrize(
         ("limits", "words"),
         [
-            (Limits(0), "still reading after 0 s"),
+            (cad.Limits(0), "still reading after 0 s"),
             slow_case(
-                Limits(60, 1),
+                cad.Limits(60, 1),
                 "took more than .* of memory",
                 reason="starts OCCT; the other limit in every run",
             ),
@@ -347,7 +337,7 @@ class TestOcctApart:
         path = tmp_path / "long.step"
         path.write_bytes(gzip.decompress(file("threads").read_bytes()))
         with pytest.raises(OptionError, match=words):
-            read_in_process(path, prepare, (str(path), 5e-5, [], {}), limits)
+            cad.read_in_process(path, prepare, (str(path), 5e-5, [], {}), limits)
 
     def test_a_shape_that_stops_it_is_left_out_and_the_others_are_read(self, monkeypatch):
         """Whether OCCT crashes on it, or takes too much; it starts again without it."""
@@ -359,7 +349,7 @@ class TestOcctApart:
             return prepare(content)(None)
 
         monkeypatch.setattr(step_file, "read_in_process", stop)
-        whole = read_product(file("bracket"), ReadOptions())
+        whole = cad.read_product(file("bracket"), cad.ReadOptions())
         (missing,) = {part.shape for part in everything} - {
             everything.parts[everything.index(part.name)].shape for part in whole
         }
@@ -376,7 +366,7 @@ class TestMending:
         mesh = box()
         loose = mesh.triangles.reshape(-1, 3)
         triangles = np.arange(len(loose)).reshape(-1, 3)[:, ::-1]
-        result = mend(RawPart("cube", (), loose, triangles))
+        result = cad.mend(cad.RawPart("cube", (), loose, triangles))
         assert result.open_edges == 0
         assert len(result.part.vertices_m) == 8
         corners = result.part.vertices_m[result.part.triangles]
@@ -388,7 +378,9 @@ class TestMending:
         hollow = box((4, 4, 4))
         hollow.invert()
         both = trimesh.util.concatenate([box(), hollow])
-        result = mend(RawPart("cube", (), np.asarray(both.vertices), np.asarray(both.faces)))
+        result = cad.mend(
+            cad.RawPart("cube", (), np.asarray(both.vertices), np.asarray(both.faces))
+        )
         assert result.open_edges == 0
         assert result.bodies.max() == 0
 
@@ -398,7 +390,9 @@ class TestMending:
             beside, turned = box((size, size, size), (30, 0, 0)), box()
             turned.invert()
             both = trimesh.util.concatenate([beside, turned])
-            result = mend(RawPart("pair", (), np.asarray(both.vertices), np.asarray(both.faces)))
+            result = cad.mend(
+                cad.RawPart("pair", (), np.asarray(both.vertices), np.asarray(both.faces))
+            )
             whole = trimesh.Trimesh(result.part.vertices_m, result.part.triangles, process=False)
             assert result.bodies.max() == 1
             assert whole.volume == pytest.approx(1000 + size**3)
@@ -415,7 +409,7 @@ def test_shapes_are_found_whatever_their_place_and_tessellation():
         turn = turn * (1, 1, -1) if number == 2 else turn
         faces = np.asarray(wedge.faces)[:, ::-1] if number == 2 else np.asarray(wedge.faces)
         points = np.asarray(wedge.vertices) @ turn.T + generator.random(3)
-        parts.append(RawPart(str(number), (), points, faces))
-    shapes, mirrors = find_shapes(parts, 0.0)
+        parts.append(cad.RawPart(str(number), (), points, faces))
+    shapes, mirrors = cad.find_shapes(parts, 0.0)
     assert shapes.tolist() == [0, 0, 1]
     assert mirrors == {1: 0}

@@ -7,48 +7,39 @@ import dataclasses
 import numpy as np
 import pytest
 
+import skillplan_cad as cad
 from skillplan.errors import OptionError
-from skillplan_cad import (
-    Blocking,
-    Contact,
-    Fastener,
-    Relation,
-    RelationPart,
-    Sensitive,
-    format_relation,
-    read_relation,
-)
 
 X, MINUS_X, Y, MINUS_Y = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 Z, MINUS_Z = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 
 
-def a_relation() -> Relation:
+def a_relation() -> cad.Relation:
     """A screw in a plate, as found at 0.1 mm."""
-    return Relation(
+    return cad.Relation(
         parts=(
-            RelationPart("plate", "part", None, None, 0.25),
-            RelationPart("screw", "screw", None, None, 0.005),
+            cad.RelationPart("plate", "part", None, None, 0.25),
+            cad.RelationPart("screw", "screw", None, None, 0.005),
         ),
         tolerance_m=0.0001,
         directions=(X, MINUS_X, Y, MINUS_Y, Z, MINUS_Z),
         blocked=(
-            Blocking("plate", "screw", 0, 0.0, 0.004, (0.01, 0.0, 0.0)),
-            Blocking("screw", "plate", 1, 0.0, 0.004, (0.01, 0.0, 0.0), sensitive=True),
+            cad.Blocking("plate", "screw", 0, 0.0, 0.004, (0.01, 0.0, 0.0)),
+            cad.Blocking("screw", "plate", 1, 0.0, 0.004, (0.01, 0.0, 0.0), sensitive=True),
         ),
         contacts=(
-            Contact(
+            cad.Contact(
                 ("plate", "screw"), "thread", 0.0001, (Z,), Z, (0.01, 0.0, 0.0), 0.002, -0.0001,
                 ((0.01, 0.002, 0.0),), 2e-9, 1e-9, (0.01, 0.0, 0.001), 3e-6,
             ),
         ),
         fasteners=(
-            Fastener(
+            cad.Fastener(
                 "screw", "screw", Z, (0.01, 0.0, 0.02), 0.004, 0.01, ("plate",), ("plate",),
                 ("name", "head"),
             ),
         ),
-        sensitive=(Sensitive("screw", "plate", 1, True, 0.0002),),
+        sensitive=(cad.Sensitive("screw", "plate", 1, True, 0.0002),),
         groups=(("plate", "screw"),),
         stuck=("screw",),
     )  # fmt: skip
@@ -57,10 +48,10 @@ def a_relation() -> Relation:
 def test_a_relation_is_read_as_it_was_written(tmp_path):
     """Nothing is lost, and the same relation makes the same bytes."""
     path = tmp_path / "relation.json"
-    path.write_text(format_relation(a_relation()), "utf-8")
-    read = read_relation(path)
+    path.write_text(cad.format_relation(a_relation()), "utf-8")
+    read = cad.read_relation(path)
     assert a_relation() == read
-    assert format_relation(read) == path.read_text("utf-8")
+    assert cad.format_relation(read) == path.read_text("utf-8")
 
 
 def test_blockers_are_looked_up_by_part_and_direction():
@@ -86,6 +77,6 @@ def test_two_parts_of_one_name_are_no_relation():
 def test_a_damaged_file_is_refused_in_words(tmp_path, old, new):
     """With its path, and what to do."""
     path = tmp_path / "relation.json"
-    path.write_text(format_relation(a_relation()).replace(old, new, 2), "utf-8")
+    path.write_text(cad.format_relation(a_relation()).replace(old, new, 2), "utf-8")
     with pytest.raises(OptionError, match=r"relation\.json"):
-        read_relation(path)
+        cad.read_relation(path)

@@ -12,30 +12,12 @@ import pytest
 import trimesh
 import yaml
 
+import skillplan_cad as cad
 from cad_fixtures import box, part_of, rod
 from cad_products import product as fixture
 from cad_products import related, relation
 from skillplan.cli import run
 from skillplan.robots import ARMS
-from skillplan_cad import (
-    GraspFinder,
-    Item,
-    Load,
-    Planner,
-    Product,
-    TaskTrials,
-    Watch,
-    assign_task_names,
-    build_task,
-    build_tool_entries,
-    choose_arm,
-    find_bearing,
-    find_best_bearing,
-    lay_out_table,
-    list_holds,
-    place_upright,
-    replay,
-)
 
 TOLERANCE_M = 1e-4
 HAND = ARMS["panda"][1]
@@ -45,19 +27,19 @@ UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 def relate(product):
     """Return a product, its relation and its plan."""
     known = related(product)
-    return product, known, Planner(product, known).plan()
+    return product, known, cad.Planner(product, known).plan()
 
 
 @pytest.fixture(scope="module")
 def eight():
     """Eight parts: product, relation and plan."""
     product, known = fixture("eight"), relation("eight")
-    return product, known, Planner(product, known).plan()
+    return product, known, cad.Planner(product, known).plan()
 
 
 @pytest.fixture(scope="module")
 def written(eight):
-    return build_task(*eight)
+    return cad.build_task(*eight)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +55,7 @@ def screwed():
 
 @pytest.fixture(scope="module")
 def screwed_task(screwed):
-    return build_task(*screwed)
+    return cad.build_task(*screwed)
 
 
 def test_the_plan_of_eight_parts_is_the_cheapest_and_needs_no_turn_and_no_second_hand(eight):
@@ -91,7 +73,7 @@ def test_the_plan_of_eight_parts_is_the_cheapest_and_needs_no_turn_and_no_second
 def test_the_plan_stands_when_finer_solids_are_taken_apart(eight):
     _, known, plan = eight
     finer = fixture("eight", 0.02)
-    assert replay(finer, known, plan, TOLERANCE_M / 2).agrees
+    assert cad.replay(finer, known, plan, TOLERANCE_M / 2).agrees
 
 
 def test_identical_parts_come_from_one_feeder_and_screws_go_to_their_holes(written):
@@ -120,7 +102,7 @@ def test_a_bolt_from_above_goes_in_before_the_nut_that_is_left_out():
         "M4 bolt": rod(30, 20, 1, 2, 19) + rod(30, 20, 20, 4, 3),
         "M4 nut": rod(30, 20, 2, 5, 4) - rod(30, 20, 2, 2, 4),
     }
-    task = build_task(*relate(product_of(solids)))
+    task = cad.build_task(*relate(product_of(solids)))
     assert {name: reason.kind for name, reason in task.left_out.items()} == {"M4 nut": "from below"}
     assert task.document["screws"]["M4_bolt"]["through"] == "base"
     assert task.limits["M4 bolt"] == ("is put in without M4 nut",)
@@ -129,7 +111,7 @@ def test_a_bolt_from_above_goes_in_before_the_nut_that_is_left_out():
 def product_of(solids):
     """Return a product of solids in millimetres."""
     parts = tuple(part_of(name, solid) for name, solid in solids.items())
-    return Product("solids", parts, "mm", 5e-5)
+    return cad.Product("solids", parts, "mm", 5e-5)
 
 
 def test_the_slide_goes_in_from_the_side_and_the_cover_rests_on_both_posts(written):
@@ -188,7 +170,7 @@ def test_shanks_of_screws_hang_clear_of_the_table_in_their_feeder(written):
 
 def test_the_file_is_what_the_document_says_and_the_same_every_time(screwed, screwed_task):
     assert yaml.safe_load(screwed_task.files["product.yaml"]) == screwed_task.document
-    assert build_task(*screwed).files == screwed_task.files
+    assert cad.build_task(*screwed).files == screwed_task.files
 
 
 def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, screwed_task):
@@ -203,10 +185,12 @@ def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, scre
         shares.append(share)
         return None if share < 1 else made
 
-    task = build_task(*screwed, watch=Watch(must_stop=lambda: bool(shares[1:]), attempt=attempt))
+    task = cad.build_task(
+        *screwed, watch=cad.Watch(must_stop=lambda: bool(shares[1:]), attempt=attempt)
+    )
     assert task.names == screwed_task.names
     assert len(shares) == 2
-    nothing = build_task(*screwed, watch=Watch(attempt=lambda make, share: None))
+    nothing = cad.build_task(*screwed, watch=cad.Watch(attempt=lambda make, share: None))
     assert (nothing.document, nothing.names) == ({}, {})
     assert {reason.kind for reason in nothing.left_out.values()} == {"not examined"}
 
@@ -215,9 +199,9 @@ def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, scre
 def test_an_order_is_found_of_the_parts_that_were_tried_in_time(screwed):
     """Trials end at 65 % of the time, and the order of what passed takes the rest."""
     trials = iter([True, True, False])
-    task = build_task(
+    task = cad.build_task(
         *screwed,
-        watch=Watch(
+        watch=cad.Watch(
             attempt=lambda make, share: make() if share > 0.65 or next(trials, False) else None
         ),
     )
@@ -231,7 +215,7 @@ def test_a_body_that_touches_itself_along_an_edge_is_in_the_task():
     posts = box(0, 0, 20, 20, 20, 60) + box(20, 20, 20, 40, 40, 60)
     base, plate = box(-20, -20, 0, 60, 60, 20), box(0, 0, 20, 40, 40, 30)
     for solid, count in ((posts + plate, 1), (posts, 2)):
-        task = build_task(*relate(product_of({"base": base, "posts": solid})))
+        task = cad.build_task(*relate(product_of({"base": base, "posts": solid})))
         assert set(task.names) == {"base", "posts"}
         files = [mesh["file"] for mesh in task.document["parts"]["posts"]["meshes"]]
         assert len(files) == count
@@ -244,7 +228,7 @@ def finder_of(solid, name="part"):
     part = part_of(name, solid)
     low, high = part.bounds_m
     bottom = np.array([*(low + high)[:2] / 2, low[2]])
-    return GraspFinder(part, part.vertices_m - bottom, np.asarray(part.centre_m) - bottom)
+    return cad.GraspFinder(part, part.vertices_m - bottom, np.asarray(part.centre_m) - bottom)
 
 
 @pytest.mark.parametrize(
@@ -338,11 +322,11 @@ def test_the_lightest_gripper_of_the_catalogue_holds_what_no_hand_and_no_cup_doe
     solid = manifold3d.Manifold.batch_hull([low, box(0, 50, 0, width_mm, 51, height_mm + 5)])
     part = part_of("roof", solid)
     local = part.vertices_m - [width_mm / 2e3, 0.05, 0.0]
-    holds = list(list_holds(part, local, np.array([0.0, 0.0, height_mm / 2e3]), HAND))
+    holds = list(cad.list_holds(part, local, np.array([0.0, 0.0, height_mm / 2e3]), HAND))
     assert holds[0].tool == gripper
     grasp = holds[0].entry["grasp"][0]
     assert (grasp["closing_axis"], grasp["width_m"]) == closing
-    (entry,) = build_tool_entries("ur30", [{**holds[0].entry, "mass_kg": 1.0}]).values()
+    (entry,) = cad.build_tool_entries("ur30", [{**holds[0].entry, "mass_kg": 1.0}]).values()
     assert (entry["model"], entry["force_n"]) == (gripper, 33)
 
 
@@ -357,7 +341,7 @@ def test_parts_in_no_order_at_the_end_of_the_time_are_left_out_of_the_task():
     assert "not checked again" in task.doubt
 
 
-class StoppedSearch(Watch):
+class StoppedSearch(cad.Watch):
     """Asks to stop after a number of checks in the search for an order."""
 
     def __init__(self, checks):
@@ -374,12 +358,12 @@ class StoppedSearch(Watch):
 
 def assembled(*solids, watch=None, up=None):
     """Return the task of parts of steel."""
-    parts = Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)
+    parts = cad.Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)
     known = related(parts)
-    bearing = find_bearing(parts, known, up) if up else find_best_bearing(parts, known)
+    bearing = cad.find_bearing(parts, known, up) if up else cad.find_best_bearing(parts, known)
     grounded = [name for name in bearing.order if not bearing.on[name]]
-    plan = Planner(parts, known).plan(None, bearing.up, grounded)
-    return build_task(parts, known, plan, bearing=bearing, watch=watch)
+    plan = cad.Planner(parts, known).plan(None, bearing.up, grounded)
+    return cad.build_task(parts, known, plan, bearing=bearing, watch=watch)
 
 
 POCKET = box(0, 0, 0, 60, 60, 12) - box(2, 2, 5, 58, 58, 30)
@@ -458,15 +442,15 @@ def test_a_part_that_falls_in_the_trial_gets_a_support_if_supports_are_allowed()
     """A beam of which two thirds overhang; the supports that the import found are withheld."""
     beam = box(40, 10, 20, 140, 30, 30)
     solids = ("base", box(0, 0, 0, 60, 40, 20)), ("beam", beam)
-    product = Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)
+    product = cad.Product("p", tuple(part_of(*item) for item in solids), "mm", 0.0)
     known = related(product)
-    bearing = replace(find_best_bearing(product, known, holding=True), held=())
-    plan = Planner(product, known).plan(None, bearing.up, ["base"])
-    task = build_task(product, known, plan, bearing=bearing, holding=True)
+    bearing = replace(cad.find_best_bearing(product, known, holding=True), held=())
+    plan = cad.Planner(product, known).plan(None, bearing.up, ["base"])
+    task = cad.build_task(product, known, plan, bearing=bearing, holding=True)
     assert task.left_out == {}
     assert task.document["holders"]["hold_beam"]["parts"] == ["beam"]
     assert task.skills[-1] == "place(beam)"
-    bare = build_task(product, known, plan, bearing=bearing)
+    bare = cad.build_task(product, known, plan, bearing=bearing)
     assert "beam would tip off base" in bare.left_out["beam"].text
 
 
@@ -476,19 +460,19 @@ def test_a_part_that_is_blocked_itself_is_tried_with_one_tool():
     foot = box(20.2, 10.2, 10, 39.8, 29.8, 18) + box(20.2, 10.2, 10, 28, 29.8, 70)
     pocket = box(0, 0, 0, 60, 40, 30) - box(20, 10, 10, 40, 30, 30)
     free, roofed = (
-        Product("p", (part_of("base", base), part_of("foot", foot)), "mm", 0.0)
+        cad.Product("p", (part_of("base", base), part_of("foot", foot)), "mm", 0.0)
         for base in (pocket, pocket + box(32, 5, 22, 45, 35, 30))
     )
     known = related(free)
-    bearing = find_best_bearing(free, known)
-    plan = Planner(free, known).plan(None, bearing.up, ["base"])
+    bearing = cad.find_best_bearing(free, known)
+    plan = cad.Planner(free, known).plan(None, bearing.up, ["base"])
     watch = NotedTrials()
-    task = build_task(roofed, known, plan, bearing=bearing, watch=watch)
+    task = cad.build_task(roofed, known, plan, bearing=bearing, watch=watch)
     assert "foot runs into base" in task.left_out["foot"].text
     assert [part for part in watch.tried if part == "foot"] == ["foot"]
 
 
-class NotedTrials(Watch):
+class NotedTrials(cad.Watch):
     """Notes the parts whose trial is reported."""
 
     def __init__(self):
@@ -504,10 +488,10 @@ class NotedTrials(Watch):
 @pytest.mark.slow
 def test_a_part_that_a_new_layout_puts_out_of_reach_is_tried_again():
     solids = {"base": box(0, 0, 0, 60, 40, 20), "plate": box(0, 0, 20, 60, 40, 30)}
-    task = build_task(*relate(product_of(solids)))
+    task = cad.build_task(*relate(product_of(solids)))
     (feeder,) = task.document["feeders"]
     far = {**task.document, "feeders": {feeder: {"position_m": [0.8, 0.0]}}}
-    with TaskTrials(Watch()) as trials:
+    with cad.TaskTrials(cad.Watch()) as trials:
         first = trials.try_task(task.document, task.files, ["base", "plate"])
         again = trials.try_task(far, task.files, ["base", "plate"])
         assert trials.granted == {"base"}
@@ -546,8 +530,8 @@ def test_no_part_stands_in_place_before_what_bears_it():
     product, relation, plan = relate(
         product_of({"block": block, "foot": foot, "lid": box(0, 0, 96, 60, 60, 106)})
     )
-    bearing = find_bearing(product, relation, UP, holding=True)
-    task = build_task(product, relation, plan, bearing=bearing, holding=True)
+    bearing = cad.find_bearing(product, relation, UP, holding=True)
+    task = cad.build_task(product, relation, plan, bearing=bearing, holding=True)
     assert "block" in bearing.held
     assert task.left_out["block"].kind == "too heavy"
     assert not any(part.get("fixed") for part in task.document["parts"].values())
@@ -562,9 +546,9 @@ def test_a_part_that_goes_in_below_another_comes_down_beside_it():
         "block": box(36, 10, 10, 56, 50, 40),
     }
     product, relation, plan = relate(product_of(solids))
-    bearing = find_best_bearing(product, relation)
+    bearing = cad.find_best_bearing(product, relation)
     on = {"base": (), "pillar": ("base",), "roof": ("pillar",), "block": ("base",)}
-    task = build_task(product, relation, plan, bearing=replace(bearing, order=tuple(on), on=on))
+    task = cad.build_task(product, relation, plan, bearing=replace(bearing, order=tuple(on), on=on))
     entry = task.document["parts"]["block"]
     assert all(way[2] == 0.0 for way in entry["insert_along"])
     assert entry["insert_m"] == pytest.approx(0.029)
@@ -572,8 +556,8 @@ def test_a_part_that_goes_in_below_another_comes_down_beside_it():
 
 @pytest.mark.parametrize(("robot", "nearest_m"), [("panda", 0.25), ("iiwa14", 0.42)])
 def test_a_tray_keeps_parts_apart_and_within_reach(robot, nearest_m):
-    items = [Item(f"part_{n}", (0.04, 0.03, 0.02)) for n in range(10)]
-    result = lay_out_table((0.12, 0.10, 0.05), items, robot)
+    items = [cad.Item(f"part_{n}", (0.04, 0.03, 0.02)) for n in range(10)]
+    result = cad.lay_out_table((0.12, 0.10, 0.05), items, robot)
     assert result.without == ()
     places = list(result.places.values())
     for number, (x, y) in enumerate(places):
@@ -591,13 +575,13 @@ def test_a_feeder_for_a_level_hand_stands_nearer_as_the_wrist_is_behind_the_part
 
 
 def test_what_finds_no_place_is_named():
-    items = [Item(f"panel_{n}", (0.40, 0.40, 0.02)) for n in range(6)]
-    assert lay_out_table((0.12, 0.10, 0.05), items, "panda").without
+    items = [cad.Item(f"panel_{n}", (0.40, 0.40, 0.02)) for n in range(6)]
+    assert cad.lay_out_table((0.12, 0.10, 0.05), items, "panda").without
 
 
 def test_the_task_is_of_the_arm_that_was_asked_for(screwed, screwed_task):
     """Its name, its reach, what it carries."""
-    document = build_task(*screwed, robot="ur5e").document
+    document = cad.build_task(*screwed, robot="ur5e").document
     assert (document["robot"]["name"], document["robot"]["model"]) == ("ur5e", "ur5e")
     assert document["parts"].keys() == screwed_task.document["parts"].keys()
     starts = [part["start_m"] for part in document["parts"].values() if "start_m" in part]
@@ -610,11 +594,11 @@ def test_the_arm_is_the_default_one_or_the_weakest_that_carries_and_reaches_most
     high = part_of("mast", box(0, 0, 0, 20, 20, 600))
     heavy = {kg: weigh(parts[0], kg) for kg in (3.2, 9.1, 14.1, 99.0)}
     more = ((), (wide,), (high,), (heavy[3.2],), (heavy[9.1],), (heavy[14.1],), (heavy[99.0],))
-    arms = [choose_arm((*parts, *others), UP) for others in more]
+    arms = [cad.choose_arm((*parts, *others), UP) for others in more]
     assert arms == ["panda", "ur10e", "ur20", "gen3_7dof", "crx10ia", "ur20", "panda"]
     # In a gripper of 6 kg, and held at the middle.
-    loads = {"heavy": Load(20.1, 0.02), "mast": Load(0.9, 0.3)}
-    arms = [choose_arm((*parts, other), UP, loads) for other in (heavy[14.1], high)]
+    loads = {"heavy": cad.Load(20.1, 0.02), "mast": cad.Load(0.9, 0.3)}
+    arms = [cad.choose_arm((*parts, other), UP, loads) for other in (heavy[14.1], high)]
     assert arms == ["ur30", "crx10ia"]
 
 
@@ -624,13 +608,13 @@ def weigh(part, mass_kg):
 
 
 def test_names_of_cad_become_names_of_a_task():
-    names = assign_task_names(["Körper #2", "a/b", "a b", "3rd", "gripper"], taken=["gripper"])
+    names = cad.assign_task_names(["Körper #2", "a/b", "a b", "3rd", "gripper"], taken=["gripper"])
     assert list(names.values()) == ["K_rper_2", "a_b", "a_b_2", "part_3rd", "gripper_2"]
 
 
 def test_a_product_that_is_drawn_lying_is_written_standing(eight):
     product = eight[0]
-    upright = place_upright(product, (0.0, 1.0, 0.0), (0.5, 0.1))
+    upright = cad.place_upright(product, (0.0, 1.0, 0.0), (0.5, 0.1))
     points = np.concatenate([upright.vertices(part) for part in product])
     assert points[:, 2].min() == pytest.approx(0.0)
     assert upright.vector((0.0, 1.0, 0.0)) == pytest.approx((0.0, 0.0, 1.0))
@@ -645,11 +629,11 @@ BLOCK = box(10, -15, 5, 50, 29, 19.5)
 def push_block(density_kg_m3, nesting=True, watch=None):
     """Return the task of the bracket and the block."""
     bracket = replace(part_of("bracket", BRACKET), density_kg_m3=density_kg_m3)
-    product = Product("push", (bracket, part_of("block", BLOCK)), "mm", 0.0)
+    product = cad.Product("push", (bracket, part_of("block", BLOCK)), "mm", 0.0)
     known = related(product)
-    plan = Planner(product, known).plan("bracket", (0.0, 0.0, 1.0), ["bracket"])
-    bearing = find_best_bearing(product, known)
-    return build_task(product, known, plan, bearing=bearing, nesting=nesting, watch=watch)
+    plan = cad.Planner(product, known).plan("bracket", (0.0, 0.0, 1.0), ["bracket"])
+    bearing = cad.find_best_bearing(product, known)
+    return cad.build_task(product, known, plan, bearing=bearing, nesting=nesting, watch=watch)
 
 
 @pytest.mark.slow(reason="swept tries a task; fixtures of nests are checked in every run")
@@ -670,6 +654,6 @@ def test_a_light_base_that_is_pushed_sideways_stands_in_a_nest(tmp_path, capsys)
         (tmp_path / name).write_text(content, "utf-8")
     assert run(["check", str(tmp_path / "product.yaml")]) == 0, capsys.readouterr().err
     late = push_block(
-        7850.0, watch=Watch(attempt=lambda make, share: None if share == 0.75 else make())
+        7850.0, watch=cad.Watch(attempt=lambda make, share: None if share == 0.75 else make())
     )
     assert (late.nest, late.why_no_nest) == (None, "none was cut in the time")

@@ -7,23 +7,13 @@ import math
 import numpy as np
 import pytest
 
+import skillplan_simulation as simulation
 from simulated import ACROSS, Swing
 from situations import assembly
 from skillplan.task import Task
 from skillplan_mujoco import MujocoSimulator
-from skillplan_simulation import (
-    FINGERS,
-    ControlledRobot,
-    ExecutionSettings,
-    JointMotion,
-    Vector,
-    compute_turn,
-    convert_quaternion,
-    get_hand,
-    make_pose,
-)
 
-SETTINGS = ExecutionSettings()
+SETTINGS = simulation.ExecutionSettings()
 
 
 def task_with(shape: dict[str, object], mass_kg: float, **gripper: object) -> Task:
@@ -48,15 +38,18 @@ class Held:
         self, task: Task, held_m: float = 0.06, force_n: float = SETTINGS.grip_force_n
     ) -> None:
         (robot,) = task.scene.robots
-        self.world, self.arm = MujocoSimulator(task, SETTINGS).cell(get_hand(robot))
+        self.world, self.arm = MujocoSimulator(task, SETTINGS).cell(simulation.get_hand(robot))
         self.begin_rad = np.array(self.arm.kinematics.home_rad)
         self.arm.stand(self.begin_rad, 0.04)
         tip = self.arm.tip()
         turned = tip.rotation @ ACROSS
         self.world.add(
-            task.scene.body("part"), make_pose(tip.position - held_m * turned[:, 2], turned)
+            task.scene.body("part"),
+            simulation.make_pose(tip.position - held_m * turned[:, 2], turned),
         )
-        self.at_work = ControlledRobot(self.world, self.arm, task.scene, SETTINGS, robot.tools[0])
+        self.at_work = simulation.ControlledRobot(
+            self.world, self.arm, task.scene, SETTINGS, robot.tools[0]
+        )
         self.at_work.carry("part")
         helping = self.arm.grip("part")
         self.arm.close(force_n)
@@ -64,21 +57,23 @@ class Held:
         self.world.release(helping)
         self.at_work.clasp("part")
 
-    def in_hand(self) -> tuple[Vector, Vector]:
+    def in_hand(self) -> tuple[simulation.Vector, simulation.Vector]:
         """Return where the part is in the hand, and how it is turned there."""
         hand, pose = self.arm.tip(), self.world.pose("part")
         away = hand.rotation.T @ (np.array(pose.position) - hand.position)
-        return away, hand.rotation.T @ convert_quaternion(pose.orientation)
+        return away, hand.rotation.T @ simulation.convert_quaternion(pose.orientation)
 
     def swung(self) -> tuple[float, float]:
         """Swing it for 4 s; return how far it slips [mm] and turns [deg]."""
         before = self.in_hand()
         run = Swing(self.begin_rad, 1.6, 4.0)
         path = np.array([self.begin_rad, self.begin_rad])
-        self.at_work.follow(JointMotion(self.arm.kinematics, path, run))
+        self.at_work.follow(simulation.JointMotion(self.arm.kinematics, path, run))
         after = self.in_hand()
         slip_mm = 1000 * float(np.linalg.norm(after[0] - before[0]))
-        return slip_mm, math.degrees(float(np.linalg.norm(compute_turn(before[1], after[1]))))
+        return slip_mm, math.degrees(
+            float(np.linalg.norm(simulation.compute_turn(before[1], after[1])))
+        )
 
 
 ROD = {"cylinder": {"diameter_m": 0.02, "height_m": 0.08}}
@@ -115,7 +110,7 @@ def test_finger_tips_thinner_than_two_margins_hold_a_part():
 def test_jaws_grip_thin_parts_with_the_force_of_their_tool(thick_m):
     held = Held(task_with({"size_m": [thick_m, 0.02, 0.08]}, 0.1), force_n=60.0)
     points = held.world.points_on("part")
-    for jaw in FINGERS:
+    for jaw in simulation.FINGERS:
         pressed_n = sum(point.normal_n for point in points if point.second == jaw)
         assert pressed_n == pytest.approx(60.0, rel=0.05)
 
@@ -126,7 +121,7 @@ def test_jaws_press_alike_on_what_they_hold_and_on_what_slips():
     for grips in (True, False):
         assert (held.at_work._static is not None) == grips
         points = held.world.points_on("part")
-        for jaw in FINGERS:
+        for jaw in simulation.FINGERS:
             pressed_n = sum(point.normal_n for point in points if point.second == jaw)
             assert pressed_n == pytest.approx(SETTINGS.grip_force_n, rel=0.05)
         along = [point.force_n - point.normal_n * point.normal for point in points]

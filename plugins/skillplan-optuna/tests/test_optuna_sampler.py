@@ -15,17 +15,10 @@ from typing import Any, ClassVar
 import pytest
 
 from same_process import studies_in_this_process
+from skillplan import sweep
 from skillplan.errors import OptionError
 from skillplan.pipeline import load_problem
 from skillplan.records import Span, SweepRecord
-from skillplan.sweep import (
-    Question,
-    SharedTrials,
-    do_sampled,
-    make_sampler,
-    open_trials,
-    plan_sampled,
-)
 from skillplan.testing import SamplerSuite
 
 CASES = Path(__file__).parents[3] / "configs" / "swarmitfix_cases.yaml"
@@ -67,8 +60,8 @@ def document(*words: str) -> Any:
 
 def test_it_finds_what_is_good(tmp_path):
     """The least of a bowl within 0.15 of 4 after 60 trials, where even spacing has 0.17."""
-    question = Question((Span("x", 0.0, 10.0), Span("y", 0.0, 10.0)), {}, {}, seed=1)
-    trials = make_sampler("optuna", {}).join(tmp_path, question)
+    question = sweep.Question((Span("x", 0.0, 10.0), Span("y", 0.0, 10.0)), {}, {}, seed=1)
+    trials = sweep.make_sampler("optuna", {}).join(tmp_path, question)
     for _ in range(60):
         trial = trials.ask()
         x, y = float(trial.values["x"] or 0), float(trial.values["y"] or 0)
@@ -83,8 +76,8 @@ def test_one_process_repeats_itself(tmp_path):
     results = []
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
-        question = Question((Span("x", 0.0, 1.0),), {}, {}, seed=3)
-        trials = make_sampler("optuna", {"startup": 2}).join(tmp_path / name, question)
+        question = sweep.Question((Span("x", 0.0, 1.0),), {}, {}, seed=3)
+        trials = sweep.make_sampler("optuna", {"startup": 2}).join(tmp_path / name, question)
         for _ in range(6):
             trial = trials.ask()
             trials.tell(trial, float(trial.values["x"] or 0), [])
@@ -92,8 +85,10 @@ def test_one_process_repeats_itself(tmp_path):
     assert results[0] == results[1]
 
 
-def joined(folder: Path) -> SharedTrials:
-    return make_sampler("optuna", {}).join(folder, Question((Span("x", 0.0, 1.0),), {}, {}, seed=3))
+def joined(folder: Path) -> sweep.SharedTrials:
+    return sweep.make_sampler("optuna", {}).join(
+        folder, sweep.Question((Span("x", 0.0, 1.0),), {}, {}, seed=3)
+    )
 
 
 def test_a_line_that_was_cut_off_is_dropped(tmp_path):
@@ -170,7 +165,7 @@ def test_whatever_ends_it_finished_trials_are_kept(tmp_path, blow):
 def study():
     task = load_problem(CASES).part("base-1")
     values = [("episodes", "50:300"), ("gamma", "0.9:0.99")]
-    return plan_sampled(task, "sarsa", values, sampler="optuna", starts=["C20"], runs=2)
+    return sweep.plan_sampled(task, "sarsa", values, sampler="optuna", starts=["C20"], runs=2)
 
 
 @pytest.fixture(scope="module")
@@ -178,30 +173,32 @@ def tried(study, tmp_path_factory):
     """A folder with one trial of the study; to be copied by who changes it."""
     folder = tmp_path_factory.mktemp("tried")
     with studies_in_this_process():
-        do_sampled(*study, open_trials(str(folder), study[0], make_sampler("optuna", {}), 0), 1)
+        sweep.do_sampled(
+            *study, sweep.open_trials(str(folder), study[0], sweep.make_sampler("optuna", {}), 0), 1
+        )
     return folder
 
 
 def test_another_study_is_refused_and_what_differs_is_named(study, tried):
     plan, job = study
-    sampler = make_sampler("optuna", {})
+    sampler = sweep.make_sampler("optuna", {})
     task = next(iter(job.tasks.values()))
-    other, _ = plan_sampled(
+    other, _ = sweep.plan_sampled(
         task, "sarsa", [("episodes", "50:400"), ("gamma", "0.9:0.99")], sampler="optuna", runs=2
     )
     with pytest.raises(OptionError, match=r"in the ranges of the options: 300 there, 400 now"):
-        open_trials(str(tried), other, sampler, 0)
+        sweep.open_trials(str(tried), other, sampler, 0)
     with pytest.raises(OptionError, match=r"in the options of the sampler: \"tpe\" there"):
-        open_trials(str(tried), plan, make_sampler("optuna", {"method": "random"}), 0)
+        sweep.open_trials(str(tried), plan, sweep.make_sampler("optuna", {"method": "random"}), 0)
 
 
 @pytest.mark.usefixtures("in_this_process")
 def test_trials_with_failed_runs_are_done_again(study, tried, tmp_path):
     """Also those of which only some runs failed; the study ends with as many trials as before."""
     plan, job = study
-    sampler = make_sampler("optuna", {})
+    sampler = sweep.make_sampler("optuna", {})
     folder = str(shutil.copytree(tried, tmp_path / "study"))
-    trials = open_trials(folder, plan, sampler, 0)
+    trials = sweep.open_trials(folder, plan, sampler, 0)
     arrived = trials.finished()[0].lines[0]
     failed = [SweepRecord(0, seed, error="out of memory").line() for seed in plan.seeds]
     settings = []
@@ -209,9 +206,9 @@ def test_trials_with_failed_runs_are_done_again(study, tried, tmp_path):
         trial = trials.ask()
         settings.append(trial.values)
         trials.tell(trial, value, lines)
-    again = open_trials(folder, plan, sampler, 0)
+    again = sweep.open_trials(folder, plan, sampler, 0)
     assert again.done() == 1
-    result = do_sampled(plan, job, again, 3)
+    result = sweep.do_sampled(plan, job, again, 3)
     assert result.failed == []
     assert all(values in result.plan.settings for values in settings)
 
@@ -219,14 +216,14 @@ def test_trials_with_failed_runs_are_done_again(study, tried, tmp_path):
 def test_a_folder_of_something_else_is_left_alone(study, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(OptionError, match=r"is not empty, and holds no trials of optuna"):
-        open_trials(str(tmp_path), study[0], make_sampler("optuna", {}), 0)
+        sweep.open_trials(str(tmp_path), study[0], sweep.make_sampler("optuna", {}), 0)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
 @pytest.mark.usefixtures("in_this_process")
 def test_runs_in_the_journal_that_are_none_are_refused(study, tried, tmp_path):
     plan, job = study
-    sampler = make_sampler("optuna", {})
+    sampler = sweep.make_sampler("optuna", {})
     folder = shutil.copytree(tried, tmp_path / "study")
     path = folder / sampler.keeps
     whole = path.read_text("utf-8")
@@ -238,4 +235,4 @@ def test_runs_in_the_journal_that_are_none_are_refused(study, tried, tmp_path):
     ):
         path.write_text(whole.replace(was, then), "utf-8")
         with pytest.raises(OptionError, match="damaged"):
-            do_sampled(plan, job, open_trials(str(folder), plan, sampler, 0), 1)
+            sweep.do_sampled(plan, job, sweep.open_trials(str(folder), plan, sampler, 0), 1)

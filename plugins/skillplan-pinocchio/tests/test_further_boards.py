@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from skillplan import Status
 from skillplan.chart import derive_chart
-from skillplan.pipeline import Setup, load_problem, make_feasibility, solve
+from skillplan.pipeline import Setup, load_problem, make_feasibility, preview_problem, solve
 from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -60,3 +61,25 @@ def test_the_layouts_of_the_inverter_s_family_leave_room_for_the_hand(count):
         by_hulls = solve(task, setup=SWEPT)
         assert by_hulls.status == "optimal", f"{task.name}: {by_hulls.reason}"
         assert by_hulls.cost == pytest.approx(solve(task).cost)
+
+
+# The product of the examples, written from the documentation alone, has the plan it declares.
+
+
+PROBLEM = load_problem(Path(__file__).parents[3] / "examples" / "sensor_box.yaml")
+
+
+@pytest.mark.slow(reason="one product more; files that ship in every run")
+def test_check_has_nothing_to_say_against_it():
+    """Nothing that the arm cannot reach, nothing that overlaps or floats."""
+    assert preview_problem(PROBLEM).warnings == ()
+
+
+@pytest.mark.slow(reason="3 s of trajectories; that the arm reaches all is left in every run")
+def test_its_quickest_plan_is_proved_by_trajectories():
+    """The flange before the board, as the cup is at hand, and the shaft from the side at last."""
+    result = solve(PROBLEM.task, setup=Setup(collision=("swept",)))
+    expected = PROBLEM.config.expect
+    assert result.status is Status.OPTIMAL
+    assert result.cost == pytest.approx(expected.optimal_cost, abs=1e-3)
+    assert [step.action for step in result.steps] == expected.optimal_actions

@@ -7,17 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skillplan_pinocchio as arm
 from example_count import examples
 from skillplan.robots import PANDA
-from skillplan_pinocchio import (
-    JointLimits,
-    JointPath,
-    SweptDetector,
-    bound_duration_s,
-    find_fastest_trajectory,
-)
 
-LIMITS = JointLimits.of(PANDA).scaled(0.5)
+LIMITS = arm.JointLimits.of(PANDA).scaled(0.5)
 POSTURES = st.lists(
     st.lists(st.floats(-1.5, 1.5), min_size=7, max_size=7).map(np.array), min_size=2, max_size=4
 )
@@ -27,8 +21,8 @@ POSTURES = st.lists(
 @given(nodes=POSTURES)
 def test_no_trajectory_between_two_postures_takes_less(nodes):
     """Whatever lies between them."""
-    taken_s = find_fastest_trajectory(JointPath(nodes), LIMITS).duration_s
-    assert bound_duration_s(nodes[0], nodes[-1], LIMITS) <= taken_s + 1e-9
+    taken_s = arm.find_fastest_trajectory(arm.JointPath(nodes), LIMITS).duration_s
+    assert arm.bound_duration_s(nodes[0], nodes[-1], LIMITS) <= taken_s + 1e-9
 
 
 @pytest.mark.parametrize("way_rad", [0.01, 0.3, 2.0])
@@ -37,13 +31,13 @@ def test_a_joint_that_goes_alone_takes_no_more(joint, way_rad):
     """With and without reaching its greatest speed; to 0.2 %."""
     start, end = np.zeros(7), np.zeros(7)
     end[joint] = way_rad
-    taken_s = find_fastest_trajectory(JointPath([start, end]), LIMITS).duration_s
-    assert taken_s == pytest.approx(bound_duration_s(start, end, LIMITS), rel=2e-3)
+    taken_s = arm.find_fastest_trajectory(arm.JointPath([start, end]), LIMITS).duration_s
+    assert taken_s == pytest.approx(arm.bound_duration_s(start, end, LIMITS), rel=2e-3)
 
 
 def test_staying_takes_no_time():
     """The bound is 0."""
-    assert bound_duration_s(np.ones(7), np.ones(7), LIMITS) == 0.0
+    assert arm.bound_duration_s(np.ones(7), np.ones(7), LIMITS) == 0.0
 
 
 def pairs(task):
@@ -60,7 +54,7 @@ def pairs(task):
 
 def check_bounds(task, chosen):
     """Hold the bound of each against its time; return their ratios."""
-    detector, ratios = SweptDetector(task), []
+    detector, ratios = arm.SweptDetector(task), []
     every = task.facts.all_bits
     for skill, state in chosen:
         least_s = detector.least_duration_s(skill, state.bits, every & ~state.bits)
@@ -92,7 +86,7 @@ def test_the_bound_holds_for_all_pairs_of_boards(product_task, name):
 def test_times_and_bounds_are_the_same_in_any_order(board):
     """To the bit, whatever was asked before."""
     chosen = random.Random(3).sample(list(pairs(board)), 12)
-    detectors, every = [SweptDetector(board), SweptDetector(board)], board.facts.all_bits
+    detectors, every = [arm.SweptDetector(board), arm.SweptDetector(board)], board.facts.all_bits
     results = [{}, {}]
     for detector, answers, order in zip(detectors, results, (chosen, chosen[::-1]), strict=True):
         for skill, state in order:
@@ -108,7 +102,7 @@ def test_a_bound_computes_no_trajectory(board, monkeypatch):
         raise AssertionError("a trajectory was computed")
 
     monkeypatch.setattr("skillplan_pinocchio.timing.skill_times.find_fastest_trajectory", boom)
-    detector = SweptDetector(board)
+    detector = arm.SweptDetector(board)
     for skill in board.skills:
         assert detector.least_duration_s(skill, board.initial.bits, 0) > 0
 
@@ -117,13 +111,13 @@ def test_what_the_arm_never_does_has_no_bound(board):
     """Where it says no time, it bounds none: a place in the stead of two tools at once."""
     load = board.skill("load(screwdriver)")
     both = board.facts.of(*(tool.fact for tool in board.scene.robots[0].tools)).bits
-    assert SweptDetector(board).least_duration_s(load, both, 0) == np.inf
+    assert arm.SweptDetector(board).least_duration_s(load, both, 0) == np.inf
 
 
 def test_after_a_miss_the_way_to_look_is_counted_by_the_next_skill(product_task):
     """As the distance is: there is no skill that goes it. Here the arm looks from its home."""
     task = product_task("inverter_grasps")
-    detector, facts, pick = SweptDetector(task), task.facts, task.skill("pick(transformer)")
+    detector, facts, pick = arm.SweptDetector(task), task.facts, task.skill("pick(transformer)")
     (missed,) = (outcome for outcome in pick.outcomes if outcome is not pick.prediction)
     (looks,) = (fact for fact in missed.add if fact in task.scene.robots[0].places)
     held = pick.precondition.requires | facts.of("tool(gripper)")

@@ -3,20 +3,11 @@
 import numpy as np
 import pytest
 
+import skillplan_pinocchio as arm
 from skillplan.physics import LinearMotion
 from skillplan.task import DOWN, Box, Event, Pose, Visit
-from skillplan_pinocchio import (
-    TABLE,
-    ArmModel,
-    ConvexPiece,
-    LinkSweep,
-    MotionPlanner,
-    Obstacle,
-    compute_box_corners,
-    make_table,
-)
 
-ARM = ArmModel()
+ARM = arm.ArmModel()
 TIP, ABOVE = (0.5, 0.0, 0.02), (0.5, 0.0, 0.17)
 
 
@@ -30,13 +21,15 @@ def linear_motion(tip=TIP, above=ABOVE):
 
 def box(name, size, centre, fact=""):
     """Return an obstacle; always there without a fact."""
-    return Obstacle(name, fact or None, (ConvexPiece(compute_box_corners(Box(size, centre))),))
+    return arm.Obstacle(
+        name, fact or None, (arm.ConvexPiece(arm.compute_box_corners(Box(size, centre))),)
+    )
 
 
 def planner(*obstacles, **changes):
     """Return a planner among obstacles."""
     settings = {"tolerance_m": 2e-4, "samples": 40, "check_arm": True, **changes}
-    return MotionPlanner(ARM, obstacles, **settings)
+    return arm.MotionPlanner(ARM, obstacles, **settings)
 
 
 def first_path():
@@ -50,7 +43,7 @@ WALL = box("wall", (0.04, 1.2, 0.8), (0.25, 0.0, 0.4), "placed(wall)")
 
 def test_where_nothing_is_met_one_elbow_is_enough():
     """The one nearest to the ready pose, over a table."""
-    planned = planner(Obstacle(TABLE, None, (make_table(),))).plan(linear_motion())
+    planned = planner(arm.Obstacle(arm.TABLE, None, (arm.make_table(),))).plan(linear_motion())
     assert len(planned.elbows) == 1
     assert planned.elbows[0].meets == ()
     assert np.array_equal(planned.elbows[0].strokes.down[0].nodes, first_path().nodes)
@@ -58,13 +51,13 @@ def test_where_nothing_is_met_one_elbow_is_enough():
 
 def test_an_elbow_that_is_free_is_preferred_to_the_nearest():
     """Past a mast that the nearest would run into."""
-    touch = LinkSweep(ARM, first_path()).touch(MAST, 2e-4, 40)
+    touch = arm.LinkSweep(ARM, first_path()).touch(MAST, 2e-4, 40)
     assert touch is not None
     assert touch.link in range(2, 8)
     (elbow,) = planner(MAST).plan(linear_motion()).elbows
     assert elbow.meets == ()
     assert not np.allclose(elbow.strokes.down[0].nodes, first_path().nodes)
-    assert LinkSweep(ARM, elbow.strokes.down[0]).touch(MAST, 2e-4, 40) is None
+    assert arm.LinkSweep(ARM, elbow.strokes.down[0]).touch(MAST, 2e-4, 40) is None
 
 
 @pytest.mark.slow(reason="plans by every elbow; the free one in every run")

@@ -4,23 +4,26 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pybullet
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+import skillplan_simulation as simulation
 from situations import assembly, config_content
 from skillplan.checks import introduce
-from skillplan_pybullet import ContactForceDetector, PybulletEngine
-from skillplan_simulation import (
-    ContactPairsDetector,
-    Record,
-    Tolerances,
-    average_frames,
-    check_postcondition,
+from skillplan.task import Body, Box, Pose, Robot, Scene, Tool, ToolKind
+from skillplan_pinocchio import ArmModel, iterate_elbows
+from skillplan_pybullet import (
+    ContactForceDetector,
+    PybulletEngine,
+    SimulatedArm,
+    SimulationSettings,
+    World,
 )
 
-DETECTORS = [ContactForceDetector, ContactPairsDetector]
+DETECTORS = [ContactForceDetector, simulation.ContactPairsDetector]
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +35,7 @@ def task():
 def a_record(task, **changes):
     """Return the record of half a second in which nothing touches."""
     facts = task.facts
-    record = Record(
+    record = simulation.Record(
         skill="place(switch_2)",
         present=facts.of("placed(pcb)"),
         absent=facts.of("placed(brace)"),
@@ -65,7 +68,9 @@ def test_a_part_belongs_where_the_part_below_it_stands(task, base_mm, is_right):
         carried=(goal.moved((base_mm * 1e-3, 0.0, 0.0)),),
     )
     (skill,) = (skill for skill in task.skills if skill.name == record.skill)
-    verdict = check_postcondition(skill, record, Tolerances(5e-4, 0.03, 3e-3, 3.0, 5.0))
+    verdict = simulation.check_postcondition(
+        skill, record, simulation.Tolerances(5e-4, 0.03, 3e-3, 3.0, 5.0)
+    )
     assert verdict.is_feasible == is_right
     assert is_right or verdict.reason == "switch_2 came to rest 0.7 mm beside its goal"
 
@@ -106,7 +111,7 @@ class TestBoth:
 
     def test_detectors_without_an_engine_share_one(self, task):
         """With default options; so that one execution serves both."""
-        pairs, force = ContactPairsDetector(task), ContactForceDetector(task)
+        pairs, force = simulation.ContactPairsDetector(task), ContactForceDetector(task)
         introduce([pairs, force])
         assert pairs.engine is force.engine
         assert pairs.basis["alone"]
@@ -122,7 +127,7 @@ class TestFrameMeans:
     @given(arrays(float, st.integers(0, 20), elements=st.floats(0, 100)), st.integers(1, 8))
     def test_each_is_the_mean_of_the_frames_up_to_it(self, values, frames):
         """Before the first frame nothing touched."""
-        means = average_frames(values, frames)
+        means = simulation.average_frames(values, frames)
         padded = [0.0] * frames + list(values)
         for index, mean in enumerate(means):
             window = padded[index + 1 : index + 1 + frames]
@@ -131,15 +136,15 @@ class TestFrameMeans:
     def test_axes_are_averaged_apart(self):
         """Shape in is shape out."""
         values = np.arange(12.0).reshape(4, 3)
-        assert average_frames(values, 2).shape == (4, 3)
-        assert average_frames(values, 2)[1].tolist() == [1.5, 2.5, 3.5]
+        assert simulation.average_frames(values, 2).shape == (4, 3)
+        assert simulation.average_frames(values, 2)[1].tolist() == [1.5, 2.5, 3.5]
 
 
 class TestContactPairs:
     def test_an_unexpected_pair_that_presses_is_a_collision(self, task):
         """Phase, bodies and figure in words, the mover first."""
         pressing = {("transformer", "left finger"): bump(8, 12.0)}
-        verdict = ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=pressing))
+        verdict = simulation.ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=pressing))
         assert verdict.reason == (
             "the left finger pressed on transformer with 12 N on the approach to switch_2 "
             "at 0.17 s; the limit is 0.05 N"
@@ -155,18 +160,18 @@ class TestContactPairs:
         """As in the rows of the trace; one that comes later is not."""
         pressing = {("transformer", "left finger"): bump(8, 12.0)}
         record = a_record(task, pairs_n=pressing, begin_s=20.0, pauses=((after, 8.0),))
-        assert ContactPairsDetector(task).verdict_on(record).evidence["at_s"] == at_s
+        assert simulation.ContactPairsDetector(task).verdict_on(record).evidence["at_s"] == at_s
 
     def test_what_touches_by_its_side_is_told_how_much_room_it_needs(self, task):
         pair = ("switch_2", "transformer")
         pressing = a_record(task, pairs_n={pair: bump(8, 0.6)}, beside=frozenset([pair]))
-        reason = ContactPairsDetector(task).verdict_on(pressing).reason
+        reason = simulation.ContactPairsDetector(task).verdict_on(pressing).reason
         assert reason.endswith("; the limit is 0.05 N; leave 0.3 mm between them")
 
     def test_a_touch_of_one_frame_is_none(self, task):
         """Averaged over six frames it stays below the threshold; the figure is told."""
         touch = {("left finger", "transformer"): bump(1, 0.29)}
-        verdict = ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=touch))
+        verdict = simulation.ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=touch))
         assert verdict.is_feasible
         assert verdict.evidence["readings"]["force_n"] == 0.048333
         assert verdict.evidence["peak_n"] == 0.29
@@ -176,7 +181,7 @@ class TestContactPairs:
         """Frames beyond the sixth add nothing."""
         board = assembly(config_content("inverter_board"))
         record = a_record(board, pairs_n={("left finger", "pcb"): bump(frames, force_n)})
-        verdict = ContactPairsDetector(board).verdict_on(record)
+        verdict = simulation.ContactPairsDetector(board).verdict_on(record)
         mean_n = force_n * min(frames, 6) / 6
         if abs(mean_n - 0.05) > 1e-9:
             assert verdict.is_infeasible == (mean_n > 0.05)
@@ -184,7 +189,7 @@ class TestContactPairs:
     def test_what_is_pushed_aside_without_a_force_is_a_collision(self, task):
         """At any moment, also where it comes back."""
         moved = {"pcb": np.zeros(30), "transformer": bump(1, 0.0021, begin=25)}
-        verdict = ContactPairsDetector(task).verdict_on(a_record(task, moved_m=moved))
+        verdict = simulation.ContactPairsDetector(task).verdict_on(a_record(task, moved_m=moved))
         assert verdict.reason == (
             "transformer was pushed 2.1 mm aside on the retreat from switch_2 at 0.42 s; "
             "the limit is 1 mm"
@@ -198,7 +203,7 @@ class TestContactPairs:
             ("switch_2", "pcb"): bump(10, 80.0, begin=18),
         }
         moved = {"pcb": np.zeros(30), "transformer": bump(5, 0.004, begin=12)}
-        detector = ContactPairsDetector(task)
+        detector = simulation.ContactPairsDetector(task)
         pushed = detector.verdict_on(a_record(task, pairs_n=pairs, moved_m=moved))
         assert pushed.reason.startswith("transformer was pushed 4.0 mm aside")
         pressed = detector.verdict_on(a_record(task, pairs_n=pairs))
@@ -210,13 +215,13 @@ class TestContactPairs:
         pairs = {("left finger", "transformer"): bump(2, 6.0)}
         moved = {"pcb": np.full(30, 0.0005), "transformer": np.zeros(30)}
         record = a_record(task, pairs_n=pairs, moved_m=moved)
-        options = ContactPairsDetector.Options
+        options = simulation.ContactPairsDetector.Options
         lenient = options(threshold_n=2.5)
-        assert ContactPairsDetector(task, lenient).verdict_on(record).is_feasible
+        assert simulation.ContactPairsDetector(task, lenient).verdict_on(record).is_feasible
         brief = options(threshold_n=2.5, frames=2)
-        assert ContactPairsDetector(task, brief).verdict_on(record).is_infeasible
+        assert simulation.ContactPairsDetector(task, brief).verdict_on(record).is_infeasible
         strict = options(threshold_n=2.5, displacement_m=0.0004)
-        assert ContactPairsDetector(task, strict).verdict_on(record).is_infeasible
+        assert simulation.ContactPairsDetector(task, strict).verdict_on(record).is_infeasible
 
     def test_a_record_that_broke_off_at_once_is_read_as_far_as_it_goes(self, task):
         """No frames, no contact."""
@@ -226,7 +231,7 @@ class TestContactPairs:
             pairs_n={("left finger", "pcb"): np.zeros(0)},
             moved_m={"pcb": np.zeros(0)},
         )
-        assert ContactPairsDetector(task).verdict_on(record).is_feasible
+        assert simulation.ContactPairsDetector(task).verdict_on(record).is_feasible
         assert ContactForceDetector(task).verdict_on(record).is_feasible
 
 
@@ -266,7 +271,7 @@ class TestContactForce:
         """The net force of a jammed part may be nothing: what the pairs show."""
         record = a_record(task, pairs_n={("switch_2", "transformer"): bump(20, 30.0)})
         assert ContactForceDetector(task).verdict_on(record).is_feasible
-        assert ContactPairsDetector(task).verdict_on(record).is_infeasible
+        assert simulation.ContactPairsDetector(task).verdict_on(record).is_infeasible
 
     def test_only_parts_of_the_product_are_watched(self, task):
         """Not the tools, nor the robot."""
@@ -275,3 +280,123 @@ class TestContactForce:
         assert ContactForceDetector(task).verdict_on(record).is_feasible
         record = a_record(task, forces_n={"switch_2": force})
         assert ContactForceDetector(task).verdict_on(record).is_infeasible
+
+
+# What is taken out of collision touches nothing, whatever bodies were told before and after.
+
+
+TIP = (0.5, 0.0, 0.3)
+# From one finger to the other, and up to the palm.
+BLOCK = Body("block", (Box((0.12, 0.12, 0.08), (0.0, 0.0, 0.04)),), (), 1.0)
+SCREWDRIVER = Tool("screwdriver", "tool(screwdriver)", (0.0, 0.0, 0.0), kind=ToolKind.SCREWDRIVER)
+
+
+@pytest.fixture
+def arm():
+    """Return an arm at rest in a world of its own."""
+    settings = SimulationSettings()
+    with World(settings.friction) as world:
+        robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
+        simulated_arm = SimulatedArm(world, robot, settings)
+        simulated_arm.stand(next(iterate_elbows(ArmModel(), TIP, 0.0)), 0.04)
+        yield simulated_arm
+
+
+def put_block(world: World) -> None:
+    """Fix the block where the hand is."""
+    world.add(BLOCK, Pose(TIP))
+    world.hold("block")
+
+
+def pass_and_touch_again(world: World) -> None:
+    """Have the block pass through the robot for a while, as a part in a suction cup does."""
+    world.part("block", [simulation.ROBOT])
+    world.join("block", [simulation.ROBOT])
+
+
+def touching(world: World, first: str, other: str) -> set[int]:
+    """Return the links of one body that touch another after a step."""
+    world.step()
+    points = pybullet.getContactPoints(
+        world.numbers[first], world.numbers[other], physicsClientId=world.client
+    )
+    return {point[3] for point in points}
+
+
+def on_block(arm: SimulatedArm) -> set[int]:
+    """Return which links of hand and fingers touch the block."""
+    return touching(arm.world, simulation.ROBOT, "block") & set(arm.link_names)
+
+
+class TestAHiddenHand:
+    def test_it_leaves_what_it_touched(self, arm):
+        put_block(arm.world)
+        assert on_block(arm)
+        arm.show_hand(False)
+        assert on_block(arm) == set()
+        arm.show_hand(True)
+        assert on_block(arm)
+
+    def test_it_touches_nothing_that_passed_through_the_robot_before(self, arm):
+        put_block(arm.world)
+        pass_and_touch_again(arm.world)
+        assert on_block(arm)
+        arm.show_hand(False)
+        assert on_block(arm) == set()
+        arm.show_hand(True)
+        assert on_block(arm)
+
+    def test_it_touches_nothing_that_passes_through_the_robot_later(self, arm):
+        put_block(arm.world)
+        arm.show_hand(False)
+        pass_and_touch_again(arm.world)
+        assert on_block(arm) == set()
+        arm.show_hand(True)
+        assert on_block(arm)
+
+    def test_it_touches_nothing_that_comes_later(self, arm):
+        arm.show_hand(False)
+        put_block(arm.world)
+        assert on_block(arm) == set()
+        pass_and_touch_again(arm.world)
+        assert on_block(arm) == set()
+        arm.show_hand(True)
+        assert on_block(arm)
+
+    def test_what_passes_through_the_robot_does_so_when_it_is_shown_again(self, arm):
+        put_block(arm.world)
+        arm.show_hand(False)
+        arm.world.part("block", [simulation.ROBOT])
+        arm.show_hand(True)
+        assert on_block(arm) == set()
+        arm.world.join("block", [simulation.ROBOT])
+        assert on_block(arm)
+
+
+class TestADockedTool:
+    @pytest.fixture
+    def tools(self, arm):
+        """Return a robot that has just left its screwdriver where it is."""
+        robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {}, tools=(SCREWDRIVER,))
+        scene = Scene((), (robot,))
+        changer = simulation.ToolChanger(arm.world, arm, scene, SCREWDRIVER)
+        changer.detach()
+        return changer
+
+    def touches_block(self, world: World) -> bool:
+        return bool(touching(world, "screwdriver", "block"))
+
+    def test_it_is_not_solid_for_what_comes_later(self, arm, tools):
+        put_block(arm.world)
+        assert not self.touches_block(arm.world)
+
+    def test_it_is_not_solid_for_what_passed_through_everything_before(self, arm, tools):
+        world = arm.world
+        put_block(world)
+        world.part("block", world.others("block"))
+        world.join("block", world.others("block"))
+        assert not self.touches_block(world)
+
+    def test_it_is_not_solid_for_the_hand_that_comes_next(self, arm, tools):
+        arm.show_hand(True)
+        assert touching(arm.world, simulation.ROBOT, "screwdriver") == set()

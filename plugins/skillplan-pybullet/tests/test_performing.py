@@ -9,10 +9,12 @@ import pytest
 from board_situations import BOARD, OPTIMAL, state_after
 from situations import assembly
 from skillplan.physics import HEIGHT, WIDTH
-from skillplan.pipeline import load_problem
+from skillplan.pipeline import choose_variants, load_problem
 from skillplan.testing import lid_content
-from skillplan_pybullet import PybulletEngine
+from skillplan_pybullet import PybulletEngine, SimulationSettings
+from skillplan_simulation import PlannedPaths
 from thinned import slow_case
+from way_boards import pin_content
 
 
 @pytest.fixture(scope="module")
@@ -179,3 +181,37 @@ def test_the_trace_shows_what_presses_on_what_and_where(performance):
     screw = next(body for body in strongest.bodies if body.startswith("screw"))
     at = next(arrival.goal.position for arrival in result.arrivals if arrival.body == screw)
     assert math.dist(strongest.position[:2], at[:2]) < 0.02
+
+
+# A plan with several grasps to choose from, executed by the one that is granted.
+
+
+GRANTED = "grasp top closing along x"
+
+
+def test_pick_and_place_by_one_grasp_have_the_hand_turned_alike():
+    """And each grasp has a turn of its own."""
+    task = assembly(pin_content())
+    paths = PlannedPaths(task, SimulationSettings())
+    pick, place = task.skill("pick(pin)"), task.skill("place(pin)")
+    for taken, left in zip(pick.ways, place.ways, strict=True):
+        rotations = []
+        for skill, way in ((pick, taken), (place, left)):
+            state = skill.precondition.requires | task.facts.of("at(home)")
+            (motion,) = paths.of(skill.by(way), state).motions
+            rotations.append(motion.rotation)
+        assert rotations[0] == pytest.approx(rotations[1], abs=1e-9)
+
+
+@pytest.mark.slow(reason="executes four skills; the turns of the hand in every run")
+def test_the_grasp_that_is_free_at_the_goal_is_performed():
+    """By the other, a finger would meet the wall."""
+    task = assembly(pin_content())
+    engine = PybulletEngine(task)
+    plan = ["pick(wall)", "place(wall)", "pick(pin)", "place(pin)"]
+    named = [None, None, GRANTED, GRANTED]
+    skills = choose_variants(task, [task.skill(name) for name in plan], [engine], named)
+    perform = engine.perform(skills)
+    assert perform.failed is None
+    assert perform.skills[-1].skill == f"place(pin) {GRANTED}"
+    assert all(arrival.offset_m < 5e-4 for arrival in perform.arrivals)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 
+import pytest
+
 from example_count import examples
 from simulated import SLOW, mark_slow
 from skillplan.task import Skill, State, Task
-from skillplan.testing import SimulationSuite
+from skillplan.testing import DetectorSuite, SimulationSuite
 
 
 @mark_slow(
@@ -30,3 +32,16 @@ class TestConformance(SimulationSuite):
         if count == few:
             every = [query for query in every if query[0].name == "pick(lid)"]
         yield from random.Random(4).sample(every, count)
+
+
+# What every detector owes the model, asked of those that read contacts; takes minutes.
+
+
+@pytest.mark.release(reason="the conformance suite of detectors on simulated executions")
+class TestContactPairs(DetectorSuite):
+    detector = "contact-pairs"
+
+
+@pytest.mark.release(reason="a minute of simulated executions")
+class TestContactForce(DetectorSuite):
+    detector = "contact-force"

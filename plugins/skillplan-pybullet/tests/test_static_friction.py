@@ -7,31 +7,22 @@ import math
 import numpy as np
 import pytest
 
+import skillplan_simulation as simulation
 from simulated import ACROSS, Swing
 from situations import assembly
 from skillplan import Setup
 from skillplan.task import Body, Box, Cylinder, Scene
 from skillplan_pybullet import SimulatedArm, SimulationSettings, World
-from skillplan_simulation import (
-    ControlledRobot,
-    JointMotion,
-    Pads,
-    Vector,
-    compute_turn,
-    compute_utilisation,
-    convert_quaternion,
-    make_pose,
-)
 from thinned import slow_case
 
 SETTINGS = SimulationSettings()
 ROD = Cylinder(0.02, 0.08, (0.0, 0.0, 0.04))
 BLOCK = Box((0.02, 0.02, 0.08), (0.0, 0.0, 0.04))
-PADS = Pads((5.0, 10.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.01)
+PADS = simulation.Pads((5.0, 10.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.01)
 
 
-def share(force_n: list[float], moment_nm: list[float], pads: Pads = PADS) -> float:
-    return compute_utilisation(
+def share(force_n: list[float], moment_nm: list[float], pads: simulation.Pads = PADS) -> float:
+    return simulation.compute_utilisation(
         pads, np.array(force_n), np.array(moment_nm), friction=0.6, spinning_m=0.006
     )
 
@@ -45,7 +36,7 @@ class TestLimits:
         assert share([0.0, 5.0, 0.0], [0.0, 0.0, 0.0]) == pytest.approx(1.0)
 
     def test_the_wider_the_patches_the_more_moment_they_bear(self):
-        wide = Pads((5.0, 10.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.02)
+        wide = simulation.Pads((5.0, 10.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.02)
         for moment_nm in ([0.0, 0.1, 0.0], [0.1, 0.0, 0.0]):
             assert share([0.0] * 3, moment_nm, wide) < share([0.0] * 3, moment_nm) < 1.0
 
@@ -55,7 +46,7 @@ class TestLimits:
         assert share([0.0, 0.0, 5.0], [0.0, 0.1, 0.0]) > 1.0
 
     def test_what_no_jaw_presses_on_is_not_held(self):
-        slack = Pads((0.0, 5.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.01)
+        slack = simulation.Pads((0.0, 5.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.01)
         assert share([0.0, 0.0, 0.1], [0.0, 0.0, 0.0], slack) > 1.0
 
 
@@ -86,8 +77,8 @@ def slip_of(
         arm.stand(begin, 0.04)
         tip = arm.tip()
         turned = tip.rotation @ ACROSS
-        world.add(body, make_pose(tip.position - held_m * turned[:, 2], turned))
-        at_work = ControlledRobot(world, arm, scene, SETTINGS, robot.tools[0])
+        world.add(body, simulation.make_pose(tip.position - held_m * turned[:, 2], turned))
+        at_work = simulation.ControlledRobot(world, arm, scene, SETTINGS, robot.tools[0])
         at_work.carry(body.name)
         helping = arm.grip(body.name)
         arm.close(SETTINGS.grip_force_n)
@@ -95,18 +86,20 @@ def slip_of(
         world.release(helping)
         at_work.clasp(body.name)
 
-        def in_hand() -> tuple[Vector, Vector]:
+        def in_hand() -> tuple[simulation.Vector, simulation.Vector]:
             hand, pose = arm.tip(), world.pose(body.name)
             away = hand.rotation.T @ (np.array(pose.position) - hand.position)
-            return away, hand.rotation.T @ convert_quaternion(pose.orientation)
+            return away, hand.rotation.T @ simulation.convert_quaternion(pose.orientation)
 
         before = in_hand()
         run = Swing(begin, swing_rad, 4.0)
-        travel = JointMotion(arm.kinematics, np.array([begin, begin]), run)
+        travel = simulation.JointMotion(arm.kinematics, np.array([begin, begin]), run)
         at_work.follow(travel)
         after = in_hand()
         slip_mm = 1000 * float(np.linalg.norm(after[0] - before[0]))
-        return slip_mm, math.degrees(float(np.linalg.norm(compute_turn(before[1], after[1]))))
+        return slip_mm, math.degrees(
+            float(np.linalg.norm(simulation.compute_turn(before[1], after[1])))
+        )
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 
+import skillplan_simulation as simulation
 from board_situations import BOARD
 from skillplan.checks import introduce
 from skillplan.collision import world_boxes
@@ -14,28 +15,25 @@ from skillplan.model import SkillModel
 from skillplan.pipeline import Setup, load_problem, make_model
 from skillplan.task import WORLD, Skill, State, Task, Verdict
 from skillplan_pybullet import PybulletEngine
-from skillplan_simulation import (
-    ArmMotion,
-    ContactPairsDetector,
-    Located,
-    Neighbourhood,
-    Surroundings,
-)
 from thinned import release_case, slow_case
 
 
 def everything(
-    self: Surroundings, skill: Skill, planned: Sequence[ArmMotion], state: State, turn: None
-) -> Neighbourhood:
+    self: simulation.Surroundings,
+    skill: Skill,
+    planned: Sequence[simulation.ArmMotion],
+    state: State,
+    turn: None,
+) -> simulation.Neighbourhood:
     """Return all bodies that a state has on the table, however far off."""
     there = tuple(
-        Located(body, placement, world_boxes(body, placement.pose))
+        simulation.Located(body, placement, world_boxes(body, placement.pose))
         for body in self.task.scene.bodies
         for placement in body.placements
         if placement.solid and placement.frame == WORLD and placement.fact in state
     )
     present = self.task.facts.of(*(item.placement.fact for item in there))
-    return Neighbourhood(there, present, self.task.facts.none, there)
+    return simulation.Neighbourhood(there, present, self.task.facts.none, there)
 
 
 def questions(task: Task, seed: int, sample: int) -> list[tuple[Skill, State]]:
@@ -65,7 +63,7 @@ def questions(task: Task, seed: int, sample: int) -> list[tuple[Skill, State]]:
 
 def verdicts(task: Task, queries: Sequence[tuple[Skill, State]]) -> list[tuple[Verdict, Verdict]]:
     """Return what engine and detector say, each question of a fresh simulation."""
-    engine, pairs = PybulletEngine(task), ContactPairsDetector(task)
+    engine, pairs = PybulletEngine(task), simulation.ContactPairsDetector(task)
     introduce([engine, pairs])
     return [(engine.check(*query), pairs.check(*query)) for query in queries]
 
@@ -92,7 +90,7 @@ def test_a_world_with_everything_gives_the_same_answer(product, sample, monkeypa
     task = load_problem(BOARD.parent / f"{product}.yaml").task
     queries = questions(task, 4, sample)
     reduced = verdicts(task, queries)
-    monkeypatch.setattr(Surroundings, "around", everything)
+    monkeypatch.setattr(simulation.Surroundings, "around", everything)
     whole = verdicts(task, queries)
     assert sum(all(value.is_feasible for value in result) for result in reduced) == sample
     differing = [

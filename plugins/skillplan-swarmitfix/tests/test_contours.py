@@ -16,32 +16,25 @@ from ezdxf.document import Drawing
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skillplan_swarmitfix as swarm
 from example_count import examples
 from skillplan.errors import TaskError
 from skillplan.pipeline import load_problem
-from skillplan_swarmitfix import (
-    FileContours,
-    Job,
-    TrajectoryFileError,
-    TrajectoryPath,
-    read_contours,
-    read_trajectory,
-)
 
 SQUARE = "G1 X100\nG1 Y100\nG1 X0\nG1 Y0\n"
 START = "G21 G90\nG0 X0 Y0\nG1 Z-1\n"
 
 
-def program(text: str, name: str = "a.nc", unit: Any = "mm") -> FileContours:
+def program(text: str, name: str = "a.nc", unit: Any = "mm") -> swarm.FileContours:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_text(text, "utf-8")
-        return read_contours(path, unit)
+        return swarm.read_contours(path, unit)
 
 
 def drawing(
     draw: Callable[[Drawing], Any], units: int = 4, edit: Callable[[str], str] = str, **keys: Any
-) -> FileContours:
+) -> swarm.FileContours:
     document = ezdxf.new("R2000", units=units)
     draw(document)
     stream = io.StringIO()
@@ -49,15 +42,15 @@ def drawing(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.dxf"
         path.write_text(edit(stream.getvalue()), "utf-8")
-        return read_contours(path, **keys)
+        return swarm.read_contours(path, **keys)
 
 
-def only(contours: FileContours) -> TrajectoryPath:
+def only(contours: swarm.FileContours) -> swarm.TrajectoryPath:
     assert len(contours.contours) == 1
     return contours.choose()
 
 
-def lengths(contours: FileContours) -> list[float]:
+def lengths(contours: swarm.FileContours) -> list[float]:
     """Return the length of every contour, in millimetres."""
     return [round(contour.length_m * 1e3, 3) for contour in contours.contours]
 
@@ -342,7 +335,7 @@ class TestOtherControllers:
         start = (
             "G0 X0 Y0\nG1 X5\n" if name == "a.mpf" else "BEGIN PGM A MM\nL X+0 Y+0 FMAX\nL X+5 F9\n"
         )
-        with pytest.raises(TrajectoryFileError) as refusal:
+        with pytest.raises(swarm.TrajectoryFileError) as refusal:
             program(f"{start}{line}\n", name)
         assert f"{refusal.value.place}: {refusal.value.message}".startswith(message)
 
@@ -567,13 +560,13 @@ class TestDrawings:
                         block.add_blockref(f"B{depth - 1}", (0, 0))
             document.modelspace().add_blockref("B7", (0, 0))
 
-        with pytest.raises(TrajectoryFileError, match=r"INSERT .*nested more than 16 deep"):
+        with pytest.raises(swarm.TrajectoryFileError, match=r"INSERT .*nested more than 16 deep"):
             drawing(nest)
-        with pytest.raises(TrajectoryFileError, match="repeats its block 99,980,001 times"):
+        with pytest.raises(swarm.TrajectoryFileError, match="repeats its block 99,980,001 times"):
             drawing(repeat)
         # Of a million; the limit of 100,000 takes seconds.
         monkeypatch.setattr("skillplan_swarmitfix.trajectory.dxf_entities.MOST_ENTITIES", 5_000)
-        with pytest.raises(TrajectoryFileError, match="more than 5,000 entities"):
+        with pytest.raises(swarm.TrajectoryFileError, match="more than 5,000 entities"):
             drawing(laugh)
 
     def test_gaps_of_hundredths_are_shut_and_told(self):
@@ -673,7 +666,7 @@ class TestDrawings:
         document.modelspace().add_circle((0, 0), 10)
         document.saveas(tmp_path / "a.dxf", fmt="bin")
         assert (tmp_path / "a.dxf").read_bytes().startswith(b"AutoCAD Binary DXF")
-        assert read_trajectory(tmp_path / "a.dxf").length_m == pytest.approx(math.tau * 0.01)
+        assert swarm.read_trajectory(tmp_path / "a.dxf").length_m == pytest.approx(math.tau * 0.01)
 
 
 PLATE = (
@@ -688,11 +681,11 @@ trajectory: {file: plate.nc, offset_m: [1.0, 0.8], rotate_deg: 90ROTATED}
 
 
 class TestTheChoice:
-    def load(self, folder: Path, keys: str = "") -> Job:
+    def load(self, folder: Path, keys: str = "") -> swarm.Job:
         (folder / "plate.nc").write_text(PLATE, "ascii")
         (folder / "task.yaml").write_text(TASK.replace("ROTATED", keys), "utf-8")
         config: Any = load_problem(folder / "task.yaml").config
-        return Job(config)
+        return swarm.Job(config)
 
     def test_is_the_outermost_contour_if_nothing_is_said(self, tmp_path):
         job = self.load(tmp_path)
@@ -742,7 +735,7 @@ class TestTheChoice:
         if is_plain:
             assert contours.choose().layer == "OUTLINE"
         else:
-            with pytest.raises(TrajectoryFileError, match="There are contours on 2 layers"):
+            with pytest.raises(swarm.TrajectoryFileError, match="There are contours on 2 layers"):
                 contours.choose()
 
     def test_may_be_a_layer(self):
@@ -753,7 +746,7 @@ class TestTheChoice:
 
         assert lengths(drawing(draw, layer="cut")) == [round(20 * math.pi, 3)]
         with pytest.raises(
-            TrajectoryFileError, match="No layer 'X' is drawn on; give one of 'Cut'"
+            swarm.TrajectoryFileError, match="No layer 'X' is drawn on; give one of 'Cut'"
         ):
             drawing(draw, layer="X")
 
@@ -783,7 +776,7 @@ class TestHeads:
                 "utf-8",
             )
             config: Any = load_problem(tmp_path / "task.yaml").config
-            placed.append(Job(config).heads)
+            placed.append(swarm.Job(config).heads)
         assert len(placed[0]) == len(placed[1])
         for head, other in zip(*placed, strict=True):
             assert head.position == pytest.approx(other.position, abs=3e-3)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skillplan_swarmitfix as swarm
 from example_count import examples
 from fleet_instances import Robots, fewest, random_robots, task_of
 from situations import FakeSetup, fake_back_end
@@ -17,29 +18,16 @@ from skillplan.pipeline import make_model, solve
 from skillplan.records import Result
 from skillplan.solvers import Stop
 from skillplan.task import Skill, State, Task, Verdict
-from skillplan_swarmitfix import (
-    Bench,
-    ConfigurationSearch,
-    FleetSolver,
-    FleetSwing,
-    MultiAgentProblem,
-    Objective,
-    ScheduleImprovement,
-    search_jointly,
-    search_with_restarts,
-    simulate,
-    simulate_timed,
-)
 from thinned import slow_case
 
-BENCH = Bench(6, 13, 0.34)
+BENCH = swarm.Bench(6, 13, 0.34)
 # Benches by rows and columns, and how many bases fit on them, with little room to move.
 CROWDED = {(1, 7): 2, (2, 5): 2, (2, 7): 3, (3, 5): 3}
 SMALL = [(1, 7), (2, 5), (3, 5), (3, 7)]
 
 
-def bench_of(size: tuple[int, int]) -> Bench:
-    return Bench(*size, 0.34)
+def bench_of(size: tuple[int, int]) -> swarm.Bench:
+    return swarm.Bench(*size, 0.34)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -56,14 +44,16 @@ def never() -> bool:
 
 
 def solved(task: Task, seed: int = 0, stop: Stop | None = None, **options: Any) -> Result:
-    return solve(task, FleetSolver(FleetSolver.Options(**options)), seed=seed, stop=stop)
+    return solve(
+        task, swarm.FleetSolver(swarm.FleetSolver.Options(**options)), seed=seed, stop=stop
+    )
 
 
-def problem_of(task: Task) -> MultiAgentProblem:
-    return MultiAgentProblem.from_model(make_model(task))
+def problem_of(task: Task) -> swarm.MultiAgentProblem:
+    return swarm.MultiAgentProblem.from_model(make_model(task))
 
 
-def assert_valid(bench: Bench, robots: Robots, result: Result) -> None:
+def assert_valid(bench: swarm.Bench, robots: Robots, result: Result) -> None:
     """Assert that the simulator lets the schedule pass, in steps and in seconds."""
     assert result.status in ("optimal", "solved"), result.reason
     trace = result.trace
@@ -74,16 +64,16 @@ def assert_valid(bench: Bench, robots: Robots, result: Result) -> None:
         ]
         for step in trace["schedule"]
     ]
-    assert simulate(bench, robots, steps) is None
+    assert swarm.simulate(bench, robots, steps) is None
     assert len(steps) == trace["parallel_makespan"] >= trace["independent_bound_max"]
     assert sum(map(len, steps)) == result.cost >= trace["independent_bound_sum"]
     swings = [
-        FleetSwing(
+        swarm.FleetSwing(
             robot, int(action[1:]), bench.position(start), bench.position(end), begin_s, end_s
         )
         for begin_s, end_s, robot, action, start, end in trace["timetable"]
     ]
-    assert simulate_timed(bench, robots, swings) is None
+    assert swarm.simulate_timed(bench, robots, swings) is None
     assert max((swing.end_s for swing in swings), default=0.0) == trace["parallel_makespan_s"]
     assert trace["parallel_makespan_s"] <= (result.makespan_s or 0.0) + 1e-9
 
@@ -133,7 +123,7 @@ class TestTwo:
 
     def test_in_a_corridor_nobody_gets_past(self):
         """On one row of triangles two bases cannot change sides."""
-        corridor = Bench(1, 9, 0.34)
+        corridor = swarm.Bench(1, 9, 0.34)
         result = solved(task_of(corridor, {"a": (0, 8), "b": (8, 0)}))
         assert result.status == "infeasible"
         assert (
@@ -291,8 +281,8 @@ class TestRejectedMoves:
         task = task_of(bench, random_robots(bench, 2, seed))
         setup = FakeSetup(make=lambda task: [fake_back_end(task, rule)])
         best = solve(task, "exact", setup)
-        options = FleetSolver.Options(method=method)  # type: ignore[arg-type]
-        result = solve(task, FleetSolver(options), setup)
+        options = swarm.FleetSolver.Options(method=method)  # type: ignore[arg-type]
+        result = solve(task, swarm.FleetSolver(options), setup)
         if best.status == "infeasible":
             assert result.status == "infeasible"
         elif method == "joint":
@@ -304,34 +294,36 @@ class TestRejectedMoves:
     def test_an_unknown_verdict_proves_nothing(self):
         task = task_of(BENCH, {"a": (65, 53), "b": (20, 20)})
         setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.unknown("no idea"))])
-        result = solve(task, FleetSolver(), setup, stop=Stop(time_limit_s=2))
+        result = solve(task, swarm.FleetSolver(), setup, stop=Stop(time_limit_s=2))
         assert result.status == "unsolved"
 
 
 class TestParts:
     def test_searches_end_with_a_way_or_with_everything_seen(self):
-        corridor = Bench(1, 9, 0.34)
+        corridor = swarm.Bench(1, 9, 0.34)
         problem = problem_of(task_of(corridor, {"a": (0, 8), "b": (8, 0)}))
-        result = search_with_restarts(problem, random.Random(0), never, restarts=3, max_nodes=10**6)
+        result = swarm.search_with_restarts(
+            problem, random.Random(0), never, restarts=3, max_nodes=10**6
+        )
         assert (result.complete, result.plans) == (True, ())
-        search = ConfigurationSearch(problem, random.Random(0), never)
+        search = swarm.ConfigurationSearch(problem, random.Random(0), never)
         assert search.run(3) is None
         assert not search.exhausted
 
     def test_a_joint_search_says_how_far_it_got(self):
         problem = problem_of(task_of(BENCH, random_robots(BENCH, 2, 2)))
-        whole = search_jointly(problem, Objective.SWINGS, never, 10**6)
-        part = search_jointly(problem, Objective.SWINGS, never, 10)
+        whole = swarm.search_jointly(problem, swarm.Objective.SWINGS, never, 10**6)
+        part = swarm.search_jointly(problem, swarm.Objective.SWINGS, never, 10)
         assert part.steps is None
         assert not part.complete
         assert part.floor <= whole.floor == sum(len(step) for step in whole.steps or ())
 
     def test_an_improvement_keeps_every_step_free_of_clashes(self):
         problem = problem_of(task_of(BENCH, random_robots(BENCH, 6, 1)))
-        steps = ConfigurationSearch(problem, random.Random(0), never).run(10_000)
+        steps = swarm.ConfigurationSearch(problem, random.Random(0), never).run(10_000)
         assert steps is not None
-        for objective in Objective:
-            search = ScheduleImprovement(problem, objective, random.Random(1), never)
+        for objective in swarm.Objective:
+            search = swarm.ScheduleImprovement(problem, objective, random.Random(1), never)
             for step in search.run(steps, 40):
                 for i, item in enumerate(step):
                     assert not any(item.clashes(other) for other in step[:i])
@@ -344,4 +336,4 @@ class TestParts:
         with pytest.raises(
             ValueError, match="no moves that are rejected depending on where others stand"
         ):
-            ScheduleImprovement(rejected, Objective.SWINGS, random.Random(0), never)
+            swarm.ScheduleImprovement(rejected, swarm.Objective.SWINGS, random.Random(0), never)

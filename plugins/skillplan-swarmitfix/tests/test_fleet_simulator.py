@@ -8,18 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import skillplan_swarmitfix as swarm
 from fleet_instances import random_robots
-from skillplan_swarmitfix import (
-    Bench,
-    FleetSwing,
-    FleetViolation,
-    passed_pins,
-    simulate,
-    simulate_timed,
-)
 
-BENCH = Bench(6, 13, 0.34, actions=13)
-SMALL = Bench(3, 7, 0.34)
+BENCH = swarm.Bench(6, 13, 0.34, actions=13)
+SMALL = swarm.Bench(3, 7, 0.34)
 Swing = tuple[str, int, int, int]
 
 
@@ -37,28 +30,28 @@ def test_the_pins_of_a_swing_follow_from_where_they_are():
     for start in range(BENCH.n_positions):
         for action in range(1, BENCH.actions):
             if BENCH.successors[start, action] >= 0:
-                assert BENCH.swept_pins(start, action) == passed_pins(BENCH, start, action)
+                assert BENCH.swept_pins(start, action) == swarm.passed_pins(BENCH, start, action)
 
 
 def test_what_is_no_swing_passes_no_pins():
     with pytest.raises(ValueError, match="B5 is not a swing at C66"):
-        passed_pins(BENCH, place("C66"), 5)
+        swarm.passed_pins(BENCH, place("C66"), 5)
 
 
 @pytest.mark.parametrize(("action", "angle_deg"), [(3, 60), (2, 120), (5, 180)])
 def test_a_swing_keeps_its_pivot_and_passes_a_pin_more_every_60_degrees(action, angle_deg):
     assert angle_deg == BENCH.swing_deg[place("C42"), action]
-    assert 3 + angle_deg // 60 == len(passed_pins(BENCH, place("C42"), action))
+    assert 3 + angle_deg // 60 == len(swarm.passed_pins(BENCH, place("C42"), action))
 
 
 class TestSteps:
     def test_swings_far_apart_run_at_once(self):
         robots = {"a": (place("C66"), place("C54")), "b": (place("C78"), place("C65"))}
-        assert simulate(BENCH, robots, [[swing("a", 2, "C66"), swing("b", 1, "C78")]]) is None
+        assert swarm.simulate(BENCH, robots, [[swing("a", 2, "C66"), swing("b", 1, "C78")]]) is None
 
     def test_a_pin_that_another_docks_is_not_swept(self):
         robots = {"a": (place("C66"), place("C68")), "b": (place("C69"), place("C69"))}
-        fault = simulate(BENCH, robots, [[swing("a", 10, "C66")]])
+        fault = swarm.simulate(BENCH, robots, [[swing("a", 10, "C66")]])
         assert fault is not None
         assert (fault.pin, fault.robots) == ("P2", ("a", "b"))
         assert str(fault) == "step 1: a by B10 sweeps P2, which b docks"
@@ -67,20 +60,20 @@ class TestSteps:
         """Each could swing if the other waited: what is left in a step is not free in it."""
         robots = {"a": (place("C66"), place("C68")), "b": (place("C69"), place("C71"))}
         first, second = swing("a", 10, "C66"), swing("b", 10, "C69")
-        assert simulate(BENCH, robots, [[second], [first]]) is None
-        fault = simulate(BENCH, robots, [[second, first]])
+        assert swarm.simulate(BENCH, robots, [[second], [first]]) is None
+        fault = swarm.simulate(BENCH, robots, [[second, first]])
         assert fault is not None
         assert fault.pin is not None
         assert "sweeps" in fault.reason.split("which")[1] or "docks" in fault.reason
 
     def test_overlapping_starts_are_found(self):
-        fault = simulate(BENCH, {"a": (0, 0), "b": (1, 1)}, [])
+        fault = swarm.simulate(BENCH, {"a": (0, 0), "b": (1, 1)}, [])
         assert fault is not None
         assert str(fault) == "step 1: b docks P39, which a docks"
 
     def test_a_goal_that_is_not_reached_is_found(self):
         robots = {"a": (place("C66"), place("C42")), "b": (place("C78"), place("C78"))}
-        fault = simulate(BENCH, robots, [[swing("a", 2, "C66")]])
+        fault = swarm.simulate(BENCH, robots, [[swing("a", 2, "C66")]])
         assert fault is not None
         assert str(fault) == "step 2: a ends at C54, not at its goal C42"
 
@@ -96,12 +89,12 @@ class TestSteps:
         ],
     )
     def test_what_is_no_swing_is_found(self, step, reason):
-        fault = simulate(BENCH, {"a": (65, 53)}, [[step]])
-        assert FleetViolation(0.0, (step[0],), None, reason, in_steps=True) == fault
+        fault = swarm.simulate(BENCH, {"a": (65, 53)}, [[step]])
+        assert swarm.FleetViolation(0.0, (step[0],), None, reason, in_steps=True) == fault
 
     def test_one_robot_swings_once_in_a_step(self):
         step = [swing("a", 2, "C66"), swing("a", 2, "C54")]
-        fault = simulate(BENCH, {"a": (place("C66"), place("C42"))}, [step])
+        fault = swarm.simulate(BENCH, {"a": (place("C66"), place("C42"))}, [step])
         assert fault is not None
         assert fault.reason == "a starts B2 before its last swing has ended"
 
@@ -130,7 +123,7 @@ class TestSteps:
                 meets_at = len(steps)
             steps.append(step)
         robots = {robot: (homes[robot], places[robot]) for robot in homes}
-        fault = simulate(SMALL, robots, steps)
+        fault = swarm.simulate(SMALL, robots, steps)
         if meets_at is None:
             assert fault is None
         else:
@@ -140,24 +133,24 @@ class TestSteps:
 
 
 class TestTime:
-    def timed(self, start_s: float, *what: str | int) -> FleetSwing:
+    def timed(self, start_s: float, *what: str | int) -> swarm.FleetSwing:
         robot, action, start, end = swing(*what)  # type: ignore[arg-type]
-        return FleetSwing(robot, action, start, end, start_s, start_s + 10.0)
+        return swarm.FleetSwing(robot, action, start, end, start_s, start_s + 10.0)
 
     def robots(self) -> dict[str, tuple[int, int]]:
         return {"a": (place("C66"), place("C68")), "b": (place("C69"), place("C71"))}
 
     def test_what_ends_at_a_moment_is_over_before_what_starts_then(self):
         swings = [self.timed(10.0, "a", 10, "C66"), self.timed(0.0, "b", 10, "C69")]
-        assert simulate_timed(BENCH, self.robots(), swings) is None
+        assert swarm.simulate_timed(BENCH, self.robots(), swings) is None
 
     def test_a_swing_keeps_its_pins_until_it_ends(self):
         swings = [self.timed(9.9, "a", 10, "C66"), self.timed(0.0, "b", 10, "C69")]
-        fault = simulate_timed(BENCH, self.robots(), swings)
+        fault = swarm.simulate_timed(BENCH, self.robots(), swings)
         assert fault is not None
         assert str(fault).startswith("9.900 s: a by B10 sweeps P2, which b sweeps")
 
     @pytest.mark.parametrize("times_s", [(1.0, 1.0), (2.0, 1.0), (-1.0, 1.0), (0.0, float("inf"))])
     def test_a_swing_ends_after_it_starts(self, times_s):
         with pytest.raises(ValueError, match="A swing cannot run"):
-            FleetSwing("a", 2, 65, 53, *times_s)
+            swarm.FleetSwing("a", 2, 65, 53, *times_s)

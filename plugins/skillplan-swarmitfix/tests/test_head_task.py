@@ -9,25 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skillplan_swarmitfix as swarm
 from example_count import examples
 from skillplan.model import TabularMDP
 from skillplan.pipeline import make_model, solve
-from skillplan_swarmitfix import (
-    Arc,
-    HeadRules,
-    Line,
-    SupportedStretch,
-    Workpiece,
-    fewest,
-    head_task,
-    heads_of,
-    overlap,
-    same_yaw,
-    segment_fault,
-    vertex_heads,
-)
 
-RULES = HeadRules()
+RULES = swarm.HeadRules()
 lengths = st.floats(0.02, 0.9)
 angles = st.floats(0.5, 2.6)
 gaps = st.sampled_from([0.03, 0.06, 0.1, 0.2, 0.4])
@@ -38,21 +25,24 @@ def situation(length_m, start_rad=math.pi / 2, end_rad=2.0):
     before = (0.3 * math.cos(start_rad), 0.3 * math.sin(start_rad))
     back = math.pi + end_rad
     after = (length_m + 0.3 * math.cos(back), 0.3 * math.sin(back))
-    workpiece = Workpiece.from_elements(
+    workpiece = swarm.Workpiece.from_elements(
         before,
-        [Line((0.0, 0.0)), Line((length_m, 0.0)), Line(after)],
+        [swarm.Line((0.0, 0.0)), swarm.Line((length_m, 0.0)), swarm.Line(after)],
         closed=False,
         chord_tolerance_m=1e-3,
     )
-    heads = vertex_heads(workpiece, RULES)
+    heads = swarm.vertex_heads(workpiece, RULES)
     return workpiece.segments[1], heads[1], heads[2]
 
 
 def arc_situation():
-    workpiece = Workpiece.from_elements(
-        (0.0, 0.0), [Arc(end=(1.0, 0.0), through=(0.5, 0.5))], closed=False, chord_tolerance_m=1e-3
+    workpiece = swarm.Workpiece.from_elements(
+        (0.0, 0.0),
+        [swarm.Arc(end=(1.0, 0.0), through=(0.5, 0.5))],
+        closed=False,
+        chord_tolerance_m=1e-3,
     )
-    return workpiece.segments[0], *vertex_heads(workpiece, RULES)
+    return workpiece.segments[0], *swarm.vertex_heads(workpiece, RULES)
 
 
 def reach_m(yaw_rad, direction):
@@ -84,9 +74,9 @@ def cheapest(segment, first, last, rules):
         if bare_m > rules.max_gap_m + 1e-9:
             continue
         ends = i == 0 and j == len(nodes) - 1
-        if not ends and overlap(head(left), head(other), rules):
+        if not ends and swarm.overlap(head(left), head(other), rules):
             continue
-        turned = 0.0 if same_yaw(yaw(left), yaw(other)) else rules.reorientation_cost
+        turned = 0.0 if swarm.same_yaw(yaw(left), yaw(other)) else rules.reorientation_cost
         cost[j] = min(cost[j], cost[i] + turned + (j != len(nodes) - 1))
     return cost[-1]
 
@@ -97,18 +87,20 @@ def test_exact_search_and_the_dynamic_program_agree_with_trying_every_pair(
     length_m, start, end, gap_m, headings, turn
 ):
     segment, first, last = situation(length_m, start, end)
-    rules = HeadRules(max_gap_m=gap_m, step_m=0.04, orientations=headings, reorientation_cost=turn)
+    rules = swarm.HeadRules(
+        max_gap_m=gap_m, step_m=0.04, orientations=headings, reorientation_cost=turn
+    )
     best = cheapest(segment, first, last, rules)
     if best == math.inf:
-        assert segment_fault(segment, first, last, rules) is not None
+        assert swarm.segment_fault(segment, first, last, rules) is not None
         return
-    task = head_task(segment, first, last, rules, name="heads-1")
+    task = swarm.head_task(segment, first, last, rules, name="heads-1")
     result = solve(task, "exact")
     assert result.status == "optimal"
     assert result.cost == pytest.approx(best)
     model = make_model(task)
     state, total = task.initial, 0.0
-    for name in fewest(segment, first, last, rules):
+    for name in swarm.fewest(segment, first, last, rules):
         step = model.transition(state, task.skill(name))
         state, total = step.next_state, total + step.cost
     assert model.is_goal(state)
@@ -121,16 +113,16 @@ def test_no_stretch_lies_bare_for_longer_than_the_limit_and_no_heads_overlap(
     length_m, start, end, gap_m
 ):
     segment, first, last = situation(length_m, start, end)
-    rules = HeadRules(max_gap_m=gap_m)
-    if segment_fault(segment, first, last, rules) is not None:
+    rules = swarm.HeadRules(max_gap_m=gap_m)
+    if swarm.segment_fault(segment, first, last, rules) is not None:
         return
-    plan = fewest(segment, first, last, rules)
-    between = heads_of(segment, first, last, rules, plan)
+    plan = swarm.fewest(segment, first, last, rules)
+    between = swarm.heads_of(segment, first, last, rules, plan)
     assert len(between) == len(plan) - 1
     for left, other in itertools.pairwise([first, *between, last]):
         if between:
-            assert not overlap(left, other, rules)
-    borne = SupportedStretch(segment, rules)
+            assert not swarm.overlap(left, other, rules)
+    borne = swarm.SupportedStretch(segment, rules)
     stretches = [
         borne.at(0.0, first.yaw_rad),
         *(borne.at(head.distance_m, head.yaw_rad) for head in between),
@@ -142,9 +134,9 @@ def test_no_stretch_lies_bare_for_longer_than_the_limit_and_no_heads_overlap(
 
 def test_a_curved_segment_is_supported_along_its_arc():
     segment, first, last = arc_situation()
-    task = head_task(segment, first, last, RULES, name="heads-1")
+    task = swarm.head_task(segment, first, last, RULES, name="heads-1")
     result = solve(task, "exact")
-    between = heads_of(segment, first, last, RULES, [step.skill for step in result.steps])
+    between = swarm.heads_of(segment, first, last, RULES, [step.skill for step in result.steps])
     assert result.status == "optimal"
     assert len(between) == 5
     for head in between:
@@ -153,7 +145,7 @@ def test_a_curved_segment_is_supported_along_its_arc():
 
 def test_a_short_segment_needs_no_head_between_its_vertices():
     segment, first, last = situation(0.1)
-    task = head_task(segment, first, last, RULES, name="heads-1")
+    task = swarm.head_task(segment, first, last, RULES, name="heads-1")
     result = solve(task, "exact")
     assert [step.skill for step in result.steps] == ["finish"]
     assert result.cost in (0.0, pytest.approx(RULES.reorientation_cost))
@@ -161,7 +153,7 @@ def test_a_short_segment_needs_no_head_between_its_vertices():
 
 def test_every_state_leads_to_the_goal_so_that_learners_may_start_anywhere():
     segment, first, last = situation(0.8)
-    task = head_task(segment, first, last, RULES, name="heads-1")
+    task = swarm.head_task(segment, first, last, RULES, name="heads-1")
     arrays = TabularMDP.from_model(make_model(task))
     assert len(arrays.states) < 300
     assert set(task.starts) <= set(arrays.states)
@@ -180,10 +172,10 @@ def test_turning_is_avoided_where_it_costs_more():
     segment, first, last = situation(0.7, 1.0, 1.2)
 
     def turns(weight):
-        rules = HeadRules(reorientation_cost=weight, orientations=4)
-        plan = fewest(segment, first, last, rules)
-        heads = [first, *heads_of(segment, first, last, rules, plan), last]
-        return sum(not same_yaw(a.yaw_rad, b.yaw_rad) for a, b in itertools.pairwise(heads))
+        rules = swarm.HeadRules(reorientation_cost=weight, orientations=4)
+        plan = swarm.fewest(segment, first, last, rules)
+        heads = [first, *swarm.heads_of(segment, first, last, rules, plan), last]
+        return sum(not swarm.same_yaw(a.yaw_rad, b.yaw_rad) for a, b in itertools.pairwise(heads))
 
     assert turns(0.9) <= turns(0.1) <= turns(0.0)
     assert turns(0.1) == 1
@@ -191,31 +183,31 @@ def test_turning_is_avoided_where_it_costs_more():
 
 def test_of_equally_many_heads_the_dynamic_program_spreads_them_evenly():
     segment, first, last = situation(0.7)
-    plan = fewest(segment, first, last, RULES)
-    distances_m = [h.distance_m for h in heads_of(segment, first, last, RULES, plan)]
+    plan = swarm.fewest(segment, first, last, RULES)
+    distances_m = [h.distance_m for h in swarm.heads_of(segment, first, last, RULES, plan)]
     steps_m = [b - a for a, b in itertools.pairwise([0.0, *distances_m, segment.length_m])]
     assert max(steps_m) - min(steps_m) <= 0.08
 
 
 def test_a_segment_that_cannot_be_supported_is_refused_with_the_gap_that_could_be():
     segment, first, last = situation(0.5)
-    tight = HeadRules(max_gap_m=0.001, step_m=0.05)
-    fault = segment_fault(segment, first, last, tight)
+    tight = swarm.HeadRules(max_gap_m=0.001, step_m=0.05)
+    fault = swarm.segment_fault(segment, first, last, tight)
     assert fault is not None
     assert "segment 2, 0.500 m long, cannot be supported" in fault
     (least_m,) = re.findall(r"leave ([\d.]+) m bare", fault)
-    enough = HeadRules(max_gap_m=float(least_m), step_m=0.05)
-    short = HeadRules(max_gap_m=float(least_m) - 2e-4, step_m=0.05)
-    assert segment_fault(segment, first, last, enough) is None
-    assert segment_fault(segment, first, last, short) is not None
-    for refused in (fewest, lambda *given: head_task(*given, name="heads-2")):
+    enough = swarm.HeadRules(max_gap_m=float(least_m), step_m=0.05)
+    short = swarm.HeadRules(max_gap_m=float(least_m) - 2e-4, step_m=0.05)
+    assert swarm.segment_fault(segment, first, last, enough) is None
+    assert swarm.segment_fault(segment, first, last, short) is not None
+    for refused in (swarm.fewest, lambda *given: swarm.head_task(*given, name="heads-2")):
         with pytest.raises(ValueError, match="cannot be supported"):
             refused(segment, first, last, tight)
 
 
 def test_a_grid_too_fine_for_a_task_is_refused():
     segment, first, last = situation(0.9)
-    fault = segment_fault(segment, first, last, HeadRules(step_m=1e-4))
+    fault = swarm.segment_fault(segment, first, last, swarm.HeadRules(step_m=1e-4))
     assert fault is not None
     assert "make step_m longer than 0.0001 m" in fault
 
@@ -223,11 +215,11 @@ def test_a_grid_too_fine_for_a_task_is_refused():
 def test_a_plan_for_another_segment_is_refused():
     segment, first, last = situation(0.3)
     with pytest.raises(ValueError, match=r"no head for 'support\(99:0\)'"):
-        heads_of(segment, first, last, RULES, ["support(99:0)", "finish"])
+        swarm.heads_of(segment, first, last, RULES, ["support(99:0)", "finish"])
 
 
 def test_a_placement_takes_the_time_it_is_given():
     segment, first, last = situation(0.3)
-    task = head_task(segment, first, last, RULES, name="heads-2", sha256="ab", place_s=2.5)
+    task = swarm.head_task(segment, first, last, RULES, name="heads-2", sha256="ab", place_s=2.5)
     assert {skill.duration_s.at(task.initial) for skill in task.skills} == {2.5}
     assert (task.sha256, task.stage, task.kind) == ("ab", "heads", "swarmitfix")

@@ -8,40 +8,24 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan_swarmitfix import (
-    THIRD_RAD,
-    Arc,
-    Head,
-    HeadKind,
-    HeadRules,
-    Line,
-    Segment,
-    SupportedStretch,
-    Workpiece,
-    even_heads,
-    normal_yaw,
-    overlap,
-    path_between,
-    same_yaw,
-    vertex_heads,
-)
+import skillplan_swarmitfix as swarm
 from yaml_data import yaml_data
 
 DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")
-RULES = HeadRules()
+RULES = swarm.HeadRules()
 SIDE_M = RULES.side_m
-STRAIGHT = Segment(0, ((0.0, 0.0), (1.0, 0.0)))
-yaws = st.floats(0, THIRD_RAD - 1e-6)
+STRAIGHT = swarm.Segment(0, ((0.0, 0.0), (1.0, 0.0)))
+yaws = st.floats(0, swarm.THIRD_RAD - 1e-6)
 
 
 def polyline(*points, closed=False):
-    elements = [Line(point) for point in points[1:]]
-    return Workpiece.from_elements(points[0], elements, closed=closed, chord_tolerance_m=1e-3)
+    elements = [swarm.Line(point) for point in points[1:]]
+    return swarm.Workpiece.from_elements(points[0], elements, closed=closed, chord_tolerance_m=1e-3)
 
 
 def corners_of(position, yaw_rad, side_m=SIDE_M):
     radius_m = side_m / math.sqrt(3)
-    angles = (yaw_rad + k * THIRD_RAD for k in range(3))
+    angles = (yaw_rad + k * swarm.THIRD_RAD for k in range(3))
     return [
         (position[0] + radius_m * math.cos(a), position[1] + radius_m * math.sin(a)) for a in angles
     ]
@@ -56,11 +40,11 @@ def contains(corners, point, slack=0.0):
 
 
 def head_at(x_m, y_m, yaw_rad):
-    return Head((x_m, y_m), normal_yaw(yaw_rad), HeadKind.INTERMEDIATE, 0, 0.0)
+    return swarm.Head((x_m, y_m), swarm.normal_yaw(yaw_rad), swarm.HeadKind.INTERMEDIATE, 0, 0.0)
 
 
 def borne(segment, distance_m, yaw_rad):
-    begin_m, end_m = SupportedStretch(segment, RULES).at(distance_m, yaw_rad)
+    begin_m, end_m = swarm.SupportedStretch(segment, RULES).at(distance_m, yaw_rad)
     return distance_m - begin_m, end_m - distance_m
 
 
@@ -79,8 +63,8 @@ def test_a_head_bears_more_ahead_where_a_corner_points_ahead(yaw_deg, back_m, ah
 
 @given(yaws, st.floats(0, 1), st.floats(-math.pi, math.pi))
 def test_a_head_bears_what_lies_within_its_triangle(yaw_rad, share, direction):
-    segment = Segment(0, ((0.2, 0.1), (0.2 + math.cos(direction), 0.1 + math.sin(direction))))
-    begin_m, end_m = SupportedStretch(segment, RULES).at(share * segment.length_m, yaw_rad)
+    segment = swarm.Segment(0, ((0.2, 0.1), (0.2 + math.cos(direction), 0.1 + math.sin(direction))))
+    begin_m, end_m = swarm.SupportedStretch(segment, RULES).at(share * segment.length_m, yaw_rad)
     corners = corners_of(segment.point_at(share * segment.length_m), yaw_rad)
     for i in range(201):
         distance_m = min(segment.length_m, i / 200)
@@ -92,9 +76,9 @@ def test_a_head_bears_what_lies_within_its_triangle(yaw_rad, share, direction):
 @given(yaws, st.floats(0.2, 0.8))
 def test_of_a_curve_a_head_bears_the_piece_around_its_centre(yaw_rad, share):
     bend = [(0.06 * math.cos(a / 20), 0.06 * math.sin(a / 20)) for a in range(70)]
-    segment = Segment(0, tuple(bend))
+    segment = swarm.Segment(0, tuple(bend))
     at_m = share * segment.length_m
-    begin_m, end_m = SupportedStretch(segment, RULES).at(at_m, yaw_rad)
+    begin_m, end_m = swarm.SupportedStretch(segment, RULES).at(at_m, yaw_rad)
     corners = corners_of(segment.point_at(at_m), yaw_rad)
     assert begin_m <= at_m <= end_m
     for i in range(101):
@@ -107,11 +91,11 @@ def test_of_a_curve_a_head_bears_the_piece_around_its_centre(yaw_rad, share):
 
 @given(yaws)
 def test_a_third_of_a_turn_leaves_a_head_as_it_was(yaw_rad):
-    assert same_yaw(yaw_rad, yaw_rad + THIRD_RAD)
-    assert borne(STRAIGHT, 0.5, yaw_rad + THIRD_RAD) == pytest.approx(
+    assert swarm.same_yaw(yaw_rad, yaw_rad + swarm.THIRD_RAD)
+    assert borne(STRAIGHT, 0.5, yaw_rad + swarm.THIRD_RAD) == pytest.approx(
         borne(STRAIGHT, 0.5, yaw_rad), abs=1e-12
     )
-    assert normal_yaw(yaw_rad - THIRD_RAD) == pytest.approx(yaw_rad, abs=1e-9)
+    assert swarm.normal_yaw(yaw_rad - swarm.THIRD_RAD) == pytest.approx(yaw_rad, abs=1e-9)
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(0.2, 2 * math.pi - 0.2))
@@ -124,7 +108,7 @@ def test_a_vertex_head_bears_as_much_of_either_segment_and_never_less_than_turne
         (math.cos(ahead + angle), math.sin(ahead + angle)),
     )
     workpiece = polyline(first, (0.0, 0.0), other)
-    head = vertex_heads(workpiece, RULES)[1]
+    head = swarm.vertex_heads(workpiece, RULES)[1]
     before, after = workpiece.segments
     mine = borne(before, before.length_m, head.yaw_rad)[0], borne(after, 0.0, head.yaw_rad)[1]
     round_rad = head.yaw_rad + math.pi
@@ -135,17 +119,17 @@ def test_a_vertex_head_bears_as_much_of_either_segment_and_never_less_than_turne
 
 def test_a_head_at_an_end_points_a_corner_along_the_trajectory():
     workpiece = polyline((0.0, 0.0), (0.6, 0.8))
-    first, last = vertex_heads(workpiece, RULES)
+    first, last = swarm.vertex_heads(workpiece, RULES)
     (segment,) = workpiece.segments
     assert borne(segment, 0.0, first.yaw_rad)[1] == pytest.approx(SIDE_M / math.sqrt(3))
     assert borne(segment, 1.0, last.yaw_rad)[0] == pytest.approx(SIDE_M / math.sqrt(3))
-    assert (first.kind, last.kind) == (HeadKind.VERTEX, HeadKind.VERTEX)
+    assert (first.kind, last.kind) == (swarm.HeadKind.VERTEX, swarm.HeadKind.VERTEX)
     assert (last.segment, last.distance_m) == (0, pytest.approx(1.0))
 
 
 def test_where_a_trajectory_goes_straight_on_rounding_does_not_turn_the_head():
     yaws_rad = [
-        vertex_heads(polyline((0.0, 0.0), (1.0, y_m), (2.0, 0.0)), RULES)[1].yaw_rad
+        swarm.vertex_heads(polyline((0.0, 0.0), (1.0, y_m), (2.0, 0.0)), RULES)[1].yaw_rad
         for y_m in (1e-9, 0.0, -1e-9)
     ]
     assert yaws_rad == pytest.approx([yaws_rad[0]] * 3, abs=1e-6)
@@ -153,7 +137,7 @@ def test_where_a_trajectory_goes_straight_on_rounding_does_not_turn_the_head():
 
 def test_a_closed_trajectory_has_a_head_at_every_vertex():
     corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, 0.0)]
-    heads = vertex_heads(polyline(*corners, closed=True), RULES)
+    heads = swarm.vertex_heads(polyline(*corners, closed=True), RULES)
     assert [head.position for head in heads] == corners
     assert [head.segment for head in heads] == [0, 1, 2, 3]
 
@@ -163,7 +147,7 @@ def test_even_heads_are_the_supports_of_the_polygonal_trajectory():
     workpiece = polyline(*vertices, closed=True)
     supports = []
     for segment, parts in zip(workpiece.segments, DATA["subdivisions_per_edge"], strict=True):
-        supports += [segment.start, *(head.position for head in even_heads(segment, parts))]
+        supports += [segment.start, *(head.position for head in swarm.even_heads(segment, parts))]
     # The data are rounded to a tenth of a millimetre.
     assert [coordinate for point in supports for coordinate in point] == pytest.approx(
         [coordinate for point in DATA["supports_m"] for coordinate in point], abs=5.1e-5
@@ -172,16 +156,19 @@ def test_even_heads_are_the_supports_of_the_polygonal_trajectory():
 
 def test_no_segment_has_no_parts():
     with pytest.raises(ValueError, match="at least 1 subdivision, not 0"):
-        even_heads(STRAIGHT, 0)
+        swarm.even_heads(STRAIGHT, 0)
 
 
 def test_the_path_between_heads_follows_the_trajectory():
-    arc = Workpiece.from_elements(
-        (0.0, 0.0), [Arc(end=(2.0, 0.0), through=(1.0, 1.0))], closed=True, chord_tolerance_m=1e-4
+    arc = swarm.Workpiece.from_elements(
+        (0.0, 0.0),
+        [swarm.Arc(end=(2.0, 0.0), through=(1.0, 1.0))],
+        closed=True,
+        chord_tolerance_m=1e-4,
     )
-    corners = vertex_heads(arc, RULES)
-    middle = even_heads(arc.segments[0], 2)
-    way = path_between(arc, [corners[0], *middle, *corners[1:]])
+    corners = swarm.vertex_heads(arc, RULES)
+    middle = swarm.even_heads(arc.segments[0], 2)
+    way = swarm.path_between(arc, [corners[0], *middle, *corners[1:]])
     assert way(0, 0.0) == (0.0, 0.0)
     assert way(0, 0.5) == pytest.approx(
         (1 - math.cos(math.pi / 4), math.sin(math.pi / 4)), abs=1e-3
@@ -200,8 +187,8 @@ def test_heads_overlap_exactly_where_their_triangles_share_area(x_m, y_m, one_ra
         corners_of(first.position, first.yaw_rad), corners_of(other.position, other.yaw_rad)
     )
     assume(not 0 < area < 1e-9)
-    assert overlap(first, other, RULES) == (area > 0)
-    assert overlap(other, first, RULES) == overlap(first, other, RULES)
+    assert swarm.overlap(first, other, RULES) == (area > 0)
+    assert swarm.overlap(other, first, RULES) == swarm.overlap(first, other, RULES)
 
 
 def shared_area(first, other):
@@ -224,8 +211,8 @@ def shared_area(first, other):
 
 def test_heads_that_touch_do_not_overlap():
     height_m = SIDE_M * math.sqrt(3) / 2
-    assert not overlap(head_at(0, 0, 0), head_at(height_m, 0, 0), RULES)
-    assert overlap(head_at(0, 0, 0), head_at(height_m - 1e-6, 0, 0), RULES)
+    assert not swarm.overlap(head_at(0, 0, 0), head_at(height_m, 0, 0), RULES)
+    assert swarm.overlap(head_at(0, 0, 0), head_at(height_m - 1e-6, 0, 0), RULES)
 
 
 @pytest.mark.parametrize(
@@ -240,13 +227,13 @@ def test_heads_that_touch_do_not_overlap():
 )
 def test_rules_out_of_range_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
-        HeadRules(**change)
+        swarm.HeadRules(**change)
 
 
 @pytest.mark.parametrize(
     ("yaw_rad", "distance_m", "message"),
-    [(THIRD_RAD, 0.0, "yaw_rad"), (-0.1, 0.0, "yaw_rad"), (0.0, -1.0, "distance_m")],
+    [(swarm.THIRD_RAD, 0.0, "yaw_rad"), (-0.1, 0.0, "yaw_rad"), (0.0, -1.0, "distance_m")],
 )
 def test_a_head_out_of_range_is_refused(yaw_rad, distance_m, message):
     with pytest.raises(ValueError, match=message):
-        Head((0.0, 0.0), yaw_rad, HeadKind.VERTEX, 0, distance_m)
+        swarm.Head((0.0, 0.0), yaw_rad, swarm.HeadKind.VERTEX, 0, distance_m)

@@ -7,24 +7,16 @@ from typing import Any
 
 import pytest
 
+import skillplan_swarmitfix as swarm
 from skillplan.pipeline import solve
 from skillplan.task import BackEndChoice, Task
-from skillplan_swarmitfix import (
-    Job,
-    Mount,
-    PkmLimits,
-    SwarmitfixConfig,
-    SwarmitfixDomain,
-    Timings,
-    limits_of,
-    mount_of,
-    timings_of,
-)
 
 TRIANGLE = [[0.40, 0.35], [1.20, 1.60], [2.00, 0.35]]
 
 
-def job(plans: dict[str, tuple[str, ...]] | None = None, refinement: int = 0, **keys: Any) -> Job:
+def job(
+    plans: dict[str, tuple[str, ...]] | None = None, refinement: int = 0, **keys: Any
+) -> swarm.Job:
     """Return the job of a small file, with some sections replaced."""
     content: dict[str, Any] = {
         "kind": "swarmitfix",
@@ -35,7 +27,7 @@ def job(plans: dict[str, tuple[str, ...]] | None = None, refinement: int = 0, **
     }
     content |= keys
     content = {key: value for key, value in content.items() if value is not None}
-    return Job(SwarmitfixConfig.model_validate(content), plans, refinement)
+    return swarm.Job(swarm.SwarmitfixConfig.model_validate(content), plans, refinement)
 
 
 def names(tasks: list[Task]) -> list[str]:
@@ -151,10 +143,10 @@ class TestLevels:
 
     def test_a_chain_that_cannot_be_refined_ends(self):
         """No head fits between heads so close; and where there is no trajectory, nothing is."""
-        domain = SwarmitfixDomain()
+        domain = swarm.SwarmitfixDomain()
         fine = job(heads={"max_gap_m": 0.05, "step_m": 0.05}).config
         assert domain.follow(fine, "", {}, 0)
-        assert not Job(fine, refinement=20).supportable
+        assert not swarm.Job(fine, refinement=20).supportable
         assert domain.follow(fine, "", {}, 20) == []
         given = job(trajectory=None, base={"goals": ["C1"]}).config
         assert domain.follow(given, "", {}, 1) == []
@@ -195,21 +187,21 @@ class TestSide:
 class TestFigures:
     def test_what_a_file_leaves_out_is_the_real_machine_s(self):
         bare = job().config
-        assert Timings() == timings_of(bare)
-        assert Mount() == mount_of(bare)
-        assert PkmLimits() == limits_of(bare)
+        assert swarm.Timings() == swarm.timings_of(bare)
+        assert swarm.Mount() == swarm.mount_of(bare)
+        assert swarm.PkmLimits() == swarm.limits_of(bare)
 
     def test_a_file_may_replace_some_times(self):
         """The others stay."""
-        timings = timings_of(job(timings={"swing_s": {"60": 5}, "park_s": 0}).config)
-        assert (5, Timings().swing_s[120]) == (timings.swing_s[60], timings.swing_s[120])
-        assert (0, Timings().retract_s) == (timings.park_s, timings.retract_s)
+        timings = swarm.timings_of(job(timings={"swing_s": {"60": 5}, "park_s": 0}).config)
+        assert (5, swarm.Timings().swing_s[120]) == (timings.swing_s[60], timings.swing_s[120])
+        assert (0, swarm.Timings().retract_s) == (timings.park_s, timings.retract_s)
 
     def test_a_file_may_replace_limits_of_legs_and_the_sheet_s_height(self):
         config = job(pkm={"leg_limits_m": {"B": [0.25, 0.28]}, "sheet_height_m": 0.9}).config
-        assert limits_of(config).leg_b_m == (0.25, 0.28)
-        assert PkmLimits().leg_a_m == limits_of(config).leg_a_m
-        assert mount_of(config).sheet_m == 0.9
+        assert swarm.limits_of(config).leg_b_m == (0.25, 0.28)
+        assert swarm.PkmLimits().leg_a_m == swarm.limits_of(config).leg_a_m
+        assert swarm.mount_of(config).sheet_m == 0.9
 
     def test_the_bench_is_the_file_s(self):
         """A swing of a larger pitch leads farther."""

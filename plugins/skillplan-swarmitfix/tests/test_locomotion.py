@@ -9,23 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skillplan_swarmitfix as swarm
 from example_count import examples
 from skillplan.pipeline import solve
-from skillplan_swarmitfix import (
-    Agent,
-    BasePath,
-    Bench,
-    FiveStep,
-    Phase,
-    Timings,
-    along,
-    makespan,
-    timeline,
-)
 from swarm_situations import base_task, shortest_way
 
-BENCH = Bench(rows=6, cols=13, pitch_m=0.34)
-TIMINGS = Timings()
+BENCH = swarm.Bench(rows=6, cols=13, pitch_m=0.34)
+TIMINGS = swarm.Timings()
 HOME = BENCH.position("C66")
 positions = st.integers(0, BENCH.n_positions - 1)
 tours = st.lists(positions, min_size=1, max_size=6)
@@ -34,15 +24,15 @@ TABLE_3_GOALS = (42, 29, 17, 17, 17, 17, 37, 37, 37, 60, 60, 34, 18, 17, 15, 15)
 TABLE_3_STEPS = (2, 1, 1, 0, 0, 0, 4, 0, 0, 3, 0, 2, 2, 1, 1, 0)
 
 
-def swing_seconds(path: BasePath) -> float:
+def swing_seconds(path: swarm.BasePath) -> float:
     return sum(TIMINGS.of_swing(int(BENCH.swing_deg[before, action])) for action, before, _ in path)
 
 
-def tour_timeline(goals: list[int], start: int = HOME) -> tuple[Phase, ...]:
+def tour_timeline(goals: list[int], start: int = HOME) -> tuple[swarm.Phase, ...]:
     """Return the timeline of the shortest ways from one goal position to the next."""
     ways = [shortest_way(BENCH, first, other) for first, other in pairwise([start, *goals])]
     supports = [(0.1 * index, 1.0) for index in range(len(goals))]
-    return timeline(BENCH, ways, supports, home=start)
+    return swarm.timeline(BENCH, ways, supports, home=start)
 
 
 def action_between(start: str, end: str) -> int:
@@ -53,14 +43,14 @@ def action_between(start: str, end: str) -> int:
 class TestAlong:
     def test_a_plan_leads_from_position_to_position(self):
         c66, c54, c42 = (BENCH.position(name) for name in ("C66", "C54", "C42"))
-        assert ((2, c66, c54), (2, c54, c42)) == along(BENCH, c66, ["B2", "B2"])
+        assert ((2, c66, c54), (2, c54, c42)) == swarm.along(BENCH, c66, ["B2", "B2"])
 
     def test_staying_adds_no_step(self):
-        assert along(BENCH, HOME, ["B0", "B0"]) == ()
+        assert swarm.along(BENCH, HOME, ["B0", "B0"]) == ()
 
     def test_leaving_the_bench_is_named(self):
         with pytest.raises(ValueError, match="B5 leads off the bench from C66"):
-            along(BENCH, HOME, ["B5"])
+            swarm.along(BENCH, HOME, ["B5"])
 
 
 class TestWays:
@@ -99,8 +89,13 @@ class TestTimeline:
         stands = [HOME, *goals]
         for index, (first, other) in enumerate(pairwise(stands)):
             swings = int(BENCH.distances(other)[first])
-            middle = [FiveStep.PARK, *[FiveStep.SWING] * swings] if swings else []
-            expected = [FiveStep.RETRACT, *middle, FiveStep.APPROACH, FiveStep.SUPPORT]
+            middle = [swarm.FiveStep.PARK, *[swarm.FiveStep.SWING] * swings] if swings else []
+            expected = [
+                swarm.FiveStep.RETRACT,
+                *middle,
+                swarm.FiveStep.APPROACH,
+                swarm.FiveStep.SUPPORT,
+            ]
             mine = [phase for phase in phases if phase.sequence == index]
             assert expected == [phase.step for phase in mine]
             assert mine[-1].base == BENCH.name(other)
@@ -123,7 +118,7 @@ class TestTimeline:
     @given(tours)
     def test_the_makespan_adds_up(self, goals):
         phases = tour_timeline(goals)
-        total = makespan(phases)
+        total = swarm.makespan(phases)
         ways = [shortest_way(BENCH, first, other) for first, other in pairwise([HOME, *goals])]
         assert total.steps == sum(map(len, ways))
         assert total.swing_s == pytest.approx(sum(map(swing_seconds, ways)))
@@ -134,14 +129,14 @@ class TestTimeline:
     def test_the_base_moves_in_swings_only_and_the_pkm_in_every_step(self):
         phases = tour_timeline([BENCH.position("C42"), BENCH.position("C42")])
         for phase in phases:
-            assert (phase.step is FiveStep.SWING) == (Agent.BASE in phase.agents)
-            assert Agent.PKM in phase.agents
+            assert (phase.step is swarm.FiveStep.SWING) == (swarm.Agent.BASE in phase.agents)
+            assert swarm.Agent.PKM in phase.agents
 
     def test_the_first_swing_of_figure_2_is_told_by_names(self):
         """Leg, pin, direction and places as the bench has them; the times on top."""
         action = action_between("C66", "C54")
         way = ((action, HOME, BENCH.position("C54")),)
-        phases = timeline(BENCH, [way], [(0.4, 0.6)], home=HOME)
+        phases = swarm.timeline(BENCH, [way], [(0.4, 0.6)], home=HOME)
         assert [p.step for p in phases] == ["retract", "park", "swing", "approach", "support"]
         swing = BENCH.swing(HOME, action)
         assert swing is not None
@@ -174,31 +169,31 @@ class TestTimeline:
             assert json.loads(json.dumps(document, allow_nan=False)) == document
 
     def test_nothing_to_do_takes_no_time(self):
-        assert timeline(BENCH, [], [], home=HOME) == ()
-        assert makespan(()).duration_s == makespan(()).steps == 0
+        assert swarm.timeline(BENCH, [], [], home=HOME) == ()
+        assert swarm.makespan(()).duration_s == swarm.makespan(()).steps == 0
 
     def test_own_timings_count(self):
-        timings = Timings(retract_s=1.0, park_s=2.0, approach_s=3.0, support_s=4.0)
-        phases = timeline(BENCH, [()], [(0.0, 0.0)], timings, home=HOME)
+        timings = swarm.Timings(retract_s=1.0, park_s=2.0, approach_s=3.0, support_s=4.0)
+        phases = swarm.timeline(BENCH, [()], [(0.0, 0.0)], timings, home=HOME)
         assert [phase.duration_s for phase in phases] == [1.0, 3.0, 4.0]
 
     def test_a_way_without_a_support_is_refused(self):
         with pytest.raises(ValueError, match="there are 2 paths and 1 supports"):
-            timeline(BENCH, [(), ()], [(0.0, 0.0)], home=HOME)
+            swarm.timeline(BENCH, [(), ()], [(0.0, 0.0)], home=HOME)
 
     def test_a_way_from_elsewhere_is_refused(self):
         way = shortest_way(BENCH, 0, 5)
         with pytest.raises(ValueError, match="stands in C66, but its path goes on from C1"):
-            timeline(BENCH, [way], [(0.0, 0.0)], home=HOME)
+            swarm.timeline(BENCH, [way], [(0.0, 0.0)], home=HOME)
 
     def test_a_step_that_is_no_swing_is_refused(self):
         with pytest.raises(ValueError, match="B0 in C66 is no swing"):
-            timeline(BENCH, [((0, HOME, HOME),)], [(0.0, 0.0)], home=HOME)
+            swarm.timeline(BENCH, [((0, HOME, HOME),)], [(0.0, 0.0)], home=HOME)
 
     def test_a_step_that_leads_elsewhere_is_refused(self):
         action = action_between("C66", "C54")
         with pytest.raises(ValueError, match="leads to C54; in the path it leads to C1"):
-            timeline(BENCH, [((action, HOME, 0),)], [(0.0, 0.0)], home=HOME)
+            swarm.timeline(BENCH, [((action, HOME, 0),)], [(0.0, 0.0)], home=HOME)
 
 
 class TestTimings:
@@ -222,24 +217,24 @@ class TestTimings:
     @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
     def test_a_swing_takes_time(self, value):
         with pytest.raises(ValueError, match="swing_s of 60 degrees must be finite and > 0"):
-            Timings(swing_s={60: value})
+            swarm.Timings(swing_s={60: value})
 
     def test_there_is_a_swing(self):
         with pytest.raises(ValueError, match="at least one angle"):
-            Timings(swing_s={})
+            swarm.Timings(swing_s={})
 
 
 class TestPhase:
     def test_it_does_not_end_before_it_starts(self):
         with pytest.raises(ValueError, match=r"cannot run from 2\.0 s to 1\.0 s"):
-            Phase(0, FiveStep.PARK, 2.0, 1.0, "C1")
+            swarm.Phase(0, swarm.FiveStep.PARK, 2.0, 1.0, "C1")
 
     def test_only_a_swing_names_one(self):
         with pytest.raises(ValueError, match="names its swing if it is one; this is: swing"):
-            Phase(0, FiveStep.SWING, 0.0, 1.0, "C1")
+            swarm.Phase(0, swarm.FiveStep.SWING, 0.0, 1.0, "C1")
 
     def test_only_approach_and_support_name_a_support(self):
         with pytest.raises(ValueError, match="Only approach and support name a support"):
-            Phase(0, FiveStep.PARK, 0.0, 1.0, "C1", support_m=(0.0, 0.0))
+            swarm.Phase(0, swarm.FiveStep.PARK, 0.0, 1.0, "C1", support_m=(0.0, 0.0))
         with pytest.raises(ValueError, match="this is: approach"):
-            Phase(0, FiveStep.APPROACH, 0.0, 1.0, "C1")
+            swarm.Phase(0, swarm.FiveStep.APPROACH, 0.0, 1.0, "C1")

@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skillplan_swarmitfix as swarm
 from example_count import examples
 from fleet_instances import fewest, random_robots, task_of
 from situations import CONFIGS, fake_back_end, model_of, solver_that, two_roads_task
 from skillplan.pipeline import load_problem, make_model, solve
 from skillplan.solvers import Plan, Solution
 from skillplan.task import Verdict
-from skillplan_swarmitfix import Bench, FleetParallelEnv, FleetSolver, NotMultiAgent, simulate
 
-BENCH = Bench(6, 13, 0.34)
+BENCH = swarm.Bench(6, 13, 0.34)
 SMALL = [(1, 7), (2, 5), (3, 5), (3, 7)]
 
 
@@ -72,8 +72,8 @@ class TestPettingZoo:
         from pettingzoo.test.parallel_test import parallel_api_test
         from pettingzoo.test.seed_test import parallel_seed_test
 
-        parallel_api_test(FleetParallelEnv(make_model(fleet.task)), num_cycles=30)
-        parallel_seed_test(lambda: FleetParallelEnv(make_model(fleet.task)), num_cycles=10)
+        parallel_api_test(swarm.FleetParallelEnv(make_model(fleet.task)), num_cycles=30)
+        parallel_seed_test(lambda: swarm.FleetParallelEnv(make_model(fleet.task)), num_cycles=10)
 
     @pytest.mark.slow(reason="turns are a conversion of PettingZoo; its tests in every run")
     @pytest.mark.filterwarnings("ignore:We recommend agents", "ignore:The old environment creation")
@@ -82,7 +82,7 @@ class TestPettingZoo:
         from pettingzoo.utils import parallel_to_aec
 
         def make():
-            return parallel_to_aec(FleetParallelEnv(make_model(fleet.task)))
+            return parallel_to_aec(swarm.FleetParallelEnv(make_model(fleet.task)))
 
         api_test(make(), num_cycles=100)
         seed_test(make, num_cycles=30)
@@ -94,14 +94,14 @@ class TestPettingZoo:
             importlib.import_module("skillplan_swarmitfix.multiagent.parallel_env")
 
     def test_a_task_of_one_robot_is_refused(self):
-        with pytest.raises(NotMultiAgent, match="not a multi-agent problem"):
-            FleetParallelEnv(model_of(two_roads_task()))
+        with pytest.raises(swarm.NotMultiAgent, match="not a multi-agent problem"):
+            swarm.FleetParallelEnv(model_of(two_roads_task()))
 
 
 class TestPlans:
     def test_a_schedule_of_the_solver_takes_its_makespan_and_the_referee_accepts_it(self, fleet):
         result = solve(fleet.task, "fleet")
-        env = FleetParallelEnv(make_model(fleet.task))
+        env = swarm.FleetParallelEnv(make_model(fleet.task))
         total = follow(env, result.trace["schedule"])
         assert env.agents == []
         account = fleet.account({fleet.task.name: env.plan}).document
@@ -114,22 +114,24 @@ class TestPlans:
     @given(st.sampled_from(SMALL), st.integers(0, 10_000))
     @settings(max_examples=examples(20))
     def test_the_fewest_steps_are_those_of_a_search_over_pins(self, size, seed):
-        bench = Bench(*size, 0.34)
+        bench = swarm.Bench(*size, 0.34)
         robots = random_robots(bench, 2, seed)
         task = task_of(bench, robots)
-        result = solve(task, FleetSolver(FleetSolver.Options(objective="makespan")))
+        result = solve(task, swarm.FleetSolver(swarm.FleetSolver.Options(objective="makespan")))
         best = fewest(bench, robots, at_once=True)
         if best is not None:
-            assert -best == follow(FleetParallelEnv(make_model(task)), result.trace["schedule"])
+            assert -best == follow(
+                swarm.FleetParallelEnv(make_model(task)), result.trace["schedule"]
+            )
 
     @given(st.integers(0, 10_000))
     @settings(max_examples=examples(10))
     def test_random_moves_never_share_a_pin_and_can_be_made_in_either_order(self, seed):
         """By the simulator, which knows pins and nothing of tasks, and by the model."""
-        bench = Bench(3, 7, 0.34)
+        bench = swarm.Bench(3, 7, 0.34)
         robots = random_robots(bench, 3, seed)
         task = task_of(bench, robots, step_limit=60)
-        env, model = FleetParallelEnv(make_model(task)), make_model(task)
+        env, model = swarm.FleetParallelEnv(make_model(task)), make_model(task)
         ended, cut = play(env, seed)
         places = {robot: start for robot, (start, _) in robots.items()}
         steps = []
@@ -141,7 +143,7 @@ class TestPlans:
                 moves.append((robot, int(action), places[robot], end))
                 places[robot] = end
             steps.append(moves)
-        violation = simulate(bench, robots, steps)
+        violation = swarm.simulate(bench, robots, steps)
         assert violation is None or "not at its goal" in violation.reason
         assert ({violation is None}, {violation is not None}) == (ended, cut)
         for order in (1, -1):
@@ -159,7 +161,7 @@ class TestConflicts:
 
     @pytest.fixture
     def env(self):
-        env = FleetParallelEnv(make_model(two(("C1", "C13"), ("C5", "C66"))))
+        env = swarm.FleetParallelEnv(make_model(two(("C1", "C13"), ("C5", "C66"))))
         env.reset()
         return env
 
@@ -204,7 +206,7 @@ class TestConflicts:
     def test_what_back_ends_reject_is_not_made(self):
         task = two(("C1", "C13"), ("C78", "C66"))
         back_end = fake_back_end(task, Verdict.infeasible("the plate sags"))
-        env = FleetParallelEnv(model_of(task, back_end))
+        env = swarm.FleetParallelEnv(model_of(task, back_end))
         _, infos = env.reset()
         action = int(np.flatnonzero(infos["left"]["action_mask"])[1])
         *_, infos = env.step({"left": action, "right": 0})
@@ -213,7 +215,7 @@ class TestConflicts:
 
 class TestSpaces:
     def test_an_agent_sees_its_place_and_goal_first(self, fleet):
-        env = FleetParallelEnv(make_model(fleet.task))
+        env = swarm.FleetParallelEnv(make_model(fleet.task))
         observations, _ = env.reset()
         bits = np.array(list(observations.values())).reshape(4, 5, 78)
         assert (bits.sum(axis=2) == 1.0).all()
@@ -228,7 +230,7 @@ class TestSpaces:
         assert corners == env.state().reshape(4, 78).argmax(axis=1).tolist()
 
     def test_the_step_limit_truncates(self):
-        env = FleetParallelEnv(make_model(two(("C1", "C13"), ("C78", "C66"), step_limit=2)))
+        env = swarm.FleetParallelEnv(make_model(two(("C1", "C13"), ("C78", "C66"), step_limit=2)))
         env.reset()
         assert env.step({"left": 0, "right": 0})[3] == {"left": False, "right": False}
         assert env.step({"left": 0, "right": 0})[3] == {"left": True, "right": True}
@@ -237,19 +239,73 @@ class TestSpaces:
 
     @pytest.mark.parametrize("actions", [{"left": 0}, {"left": 0, "right": 11}])
     def test_missing_and_unknown_actions_are_refused(self, actions):
-        env = FleetParallelEnv(make_model(two(("C1", "C13"), ("C78", "C66"))))
+        env = swarm.FleetParallelEnv(make_model(two(("C1", "C13"), ("C78", "C66"))))
         env.reset()
         with pytest.raises(gymnasium.error.InvalidAction, match=r"of right are 0 \(wait\) to 10"):
             env.step(actions)
 
     def test_it_is_rendered_as_text(self, fleet):
-        env = FleetParallelEnv(make_model(fleet.task), render_mode="ansi")
+        env = swarm.FleetParallelEnv(make_model(fleet.task), render_mode="ansi")
         env.reset()
         env.step(choose(env, north_west="B4"))
         assert env.render().startswith("step 1; north_west.B4; {at(north_west,C15)")
 
     @pytest.mark.slow(reason="an image; those of a walk in every run")
     def test_it_is_rendered_as_an_image(self, fleet):
-        env = FleetParallelEnv(make_model(fleet.task), render_mode="rgb_array")
+        env = swarm.FleetParallelEnv(make_model(fleet.task), render_mode="rgb_array")
         env.reset()
         assert env.render().shape == (480, 640, 3)
+
+
+# Sequences of moves, run as early as they allow.
+
+
+def move(agent: int, occupies: int, duration_s: float = 1.0) -> swarm.Move:
+    return swarm.Move(
+        0, agent, 0, 1, 1 << 2 * agent, 2 << 2 * agent, "go", 0, occupies, 1.0, duration_s
+    )
+
+
+def steps_of(*moves: swarm.Move) -> list[int]:
+    return [timed.step for timed in swarm.ParallelSchedule.earliest(moves).moves]
+
+
+def test_moves_that_do_not_clash_are_made_at_once():
+    assert steps_of(move(0, 0b01), move(1, 0b10)) == [0, 0]
+
+
+def test_moves_of_one_agent_follow_each_other():
+    assert steps_of(move(0, 0b01), move(0, 0b10)) == [0, 1]
+
+
+def test_moves_that_clash_keep_their_order():
+    assert steps_of(move(0, 0b01), move(1, 0b11), move(2, 0b10)) == [0, 1, 2]
+
+
+def test_seconds_do_not_wait_for_a_step_to_end():
+    """The second agent's second move starts while the first agent's long one runs."""
+    schedule = swarm.ParallelSchedule.earliest(
+        [move(0, 0b001, 9.0), move(1, 0b010, 2.0), move(1, 0b010, 3.0), move(2, 0b001, 1.0)]
+    )
+    assert [timed.start_s for timed in schedule.moves] == [0.0, 0.0, 2.0, 9.0]
+    assert schedule.makespan_s == 10.0
+    assert schedule.makespan == 2
+    assert [len(step) for step in schedule.steps()] == [2, 2]
+
+
+def test_nothing_takes_no_time():
+    nothing = swarm.ParallelSchedule.earliest(())
+    assert (nothing.makespan, nothing.makespan_s, nothing.steps()) == (0, 0.0, ())
+
+
+def test_a_step_with_a_clash_is_refused():
+    with pytest.raises(ValueError, match="go clashes with another move of its step"):
+        swarm.ParallelSchedule(
+            (swarm.TimedMove(move(0, 1), 0, 0.0), swarm.TimedMove(move(1, 1), 0, 0.0))
+        )
+
+
+@pytest.mark.parametrize(("step", "start_s"), [(-1, 0.0), (0, -1.0)])
+def test_nothing_starts_before_the_beginning(step, start_s):
+    with pytest.raises(ValueError, match="A move cannot be made"):
+        swarm.TimedMove(move(0, 1), step, start_s)

@@ -11,27 +11,17 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skillplan_swarmitfix import (
-    Matrix,
-    OutsideWorkspace,
-    PkmGeometry,
-    PkmJoints,
-    Pose6,
-    forward,
-    inverse,
-    zyz_angles,
-    zyz_matrix,
-)
+import skillplan_swarmitfix as swarm
 
-GEOMETRY = PkmGeometry()
-UPRIGHT = Pose6(0.0, 0.0, 0.45, 0.0, 0.0, 0.0)
+GEOMETRY = swarm.PkmGeometry()
+UPRIGHT = swarm.Pose6(0.0, 0.0, 0.45, 0.0, 0.0, 0.0)
 
 with (Path(__file__).parent / "data" / "pkm_poses.csv").open(encoding="utf-8") as _file:
     PLANNED = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(_file)]
 
 
-def planned_pose(row: dict[str, float]) -> Pose6:
-    return Pose6(*(row[field.name] for field in fields(Pose6)))
+def planned_pose(row: dict[str, float]) -> swarm.Pose6:
+    return swarm.Pose6(*(row[field.name] for field in fields(swarm.Pose6)))
 
 
 def planned_legs(row: dict[str, float]) -> list[float]:
@@ -40,7 +30,13 @@ def planned_legs(row: dict[str, float]) -> list[float]:
 
 angles = st.floats(-math.pi, math.pi)
 poses = st.builds(
-    Pose6, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(0.1, 0.6), angles, angles, angles
+    swarm.Pose6,
+    st.floats(-0.3, 0.3),
+    st.floats(-0.3, 0.3),
+    st.floats(0.1, 0.6),
+    angles,
+    angles,
+    angles,
 )
 
 # A quarter of these poses are within reach of the legs; of poses at limits even fewer.
@@ -49,18 +45,18 @@ most_are_out_of_reach = settings(
 )
 
 
-def reachable(pose: Pose6) -> PkmJoints:
+def reachable(pose: swarm.Pose6) -> swarm.PkmJoints:
     """Return the joints of a pose, or tell hypothesis that it is none of the PKM's."""
     try:
-        joints = inverse(GEOMETRY, pose)
-    except OutsideWorkspace:
+        joints = swarm.inverse(GEOMETRY, pose)
+    except swarm.OutsideWorkspace:
         joints = None
     assume(joints is not None and all(0.2 < length_m < 0.4 for length_m in joints.legs_m))
     assert joints is not None
     return joints
 
 
-def platform_of(joints: PkmJoints) -> Matrix:
+def platform_of(joints: swarm.PkmJoints) -> swarm.Matrix:
     """Return the platform's axes as turns: the plane about y, then b within it."""
     plane = np.array(
         [
@@ -76,7 +72,7 @@ def platform_of(joints: PkmJoints) -> Matrix:
 class TestMachine:
     @pytest.mark.parametrize("row", PLANNED)
     def test_legs_of_the_machines_plans_come_out_within_a_millimetre(self, row):
-        legs_m = inverse(GEOMETRY, planned_pose(row)).legs_m
+        legs_m = swarm.inverse(GEOMETRY, planned_pose(row)).legs_m
         assert_allclose(legs_m, planned_legs(row), rtol=0, atol=1e-3)
         # Only leg C differs by more than the plans' six digits.
         assert_allclose(legs_m[:2], planned_legs(row)[:2], rtol=0, atol=1.5e-6)
@@ -84,7 +80,7 @@ class TestMachine:
     @pytest.mark.parametrize("row", PLANNED)
     def test_the_machines_poses_close(self, row):
         pose = planned_pose(row)
-        back = forward(GEOMETRY, inverse(GEOMETRY, pose))
+        back = swarm.forward(GEOMETRY, swarm.inverse(GEOMETRY, pose))
         assert_allclose(back.position_m, pose.position_m, rtol=0, atol=1e-12)
         assert_allclose(back.rotation, pose.rotation, rtol=0, atol=1e-12)
 
@@ -97,7 +93,7 @@ class TestClosure:
     @most_are_out_of_reach
     def test_forward_undoes_inverse(self, pose):
         """Forward solves the constraints from the legs and shares no formula with inverse."""
-        back = forward(GEOMETRY, reachable(pose))
+        back = swarm.forward(GEOMETRY, reachable(pose))
         assert_allclose(back.position_m, pose.position_m, rtol=0, atol=1e-9)
         assert_allclose(back.rotation, pose.rotation, rtol=0, atol=1e-9)
 
@@ -120,7 +116,7 @@ class TestClosure:
     @most_are_out_of_reach
     def test_the_wrist_turns_the_platform_into_the_head(self, pose):
         joints = reachable(pose)
-        head = platform_of(joints) @ zyz_matrix(*joints.wrist_rad)
+        head = platform_of(joints) @ swarm.zyz_matrix(*joints.wrist_rad)
         assert_allclose(head, pose.rotation, rtol=0, atol=1e-12)
         assert 0.0 <= joints.wrist_rad[1] <= math.pi
 
@@ -130,17 +126,19 @@ class TestClosure:
         """The tripod is symmetric about its xz plane."""
         joints = reachable(pose)
         mirror = np.diag([1.0, -1.0, 1.0])
-        mirrored = Pose6.of(mirror @ pose.position_m, mirror @ pose.rotation @ mirror)
-        assert_allclose(inverse(GEOMETRY, mirrored).legs_m, joints.legs_m[::-1], rtol=0, atol=1e-12)
+        mirrored = swarm.Pose6.of(mirror @ pose.position_m, mirror @ pose.rotation @ mirror)
+        assert_allclose(
+            swarm.inverse(GEOMETRY, mirrored).legs_m, joints.legs_m[::-1], rtol=0, atol=1e-12
+        )
 
     def test_forward_reads_the_driven_joints_only(self):
-        joints = inverse(GEOMETRY, planned_pose(PLANNED[0]))
+        joints = swarm.inverse(GEOMETRY, planned_pose(PLANNED[0]))
         blind = replace(joints, a_rad=0.0, b_rad=0.0, h_m=0.0)
-        assert forward(GEOMETRY, joints) == forward(GEOMETRY, blind)
+        assert swarm.forward(GEOMETRY, joints) == swarm.forward(GEOMETRY, blind)
 
     @given(
         st.builds(
-            PkmGeometry,
+            swarm.PkmGeometry,
             *(st.floats(0.03, 0.08) for _ in range(2)),
             st.floats(0.12, 0.25),
             st.floats(0.06, 0.11),
@@ -151,12 +149,12 @@ class TestClosure:
     )
     def test_other_lengths_close_as_well(self, geometry, x_m, y_m):
         z_m = 0.28 + geometry.wrist_offset_m + geometry.head_offset_m
-        pose = Pose6(x_m, y_m, z_m, 0.3, 0.2, 0.1)
-        back = forward(geometry, inverse(geometry, pose))
+        pose = swarm.Pose6(x_m, y_m, z_m, 0.3, 0.2, 0.1)
+        back = swarm.forward(geometry, swarm.inverse(geometry, pose))
         assert_allclose(back.position_m, pose.position_m, rtol=0, atol=1e-9)
 
     def test_upright_legs_are_what_pythagoras_says(self):
-        joints = inverse(GEOMETRY, UPRIGHT)
+        joints = swarm.inverse(GEOMETRY, UPRIGHT)
         h_m = 0.45 - 0.0725 - 0.0905
         assert joints.legs_m == pytest.approx((h_m, math.hypot(h_m, 0.18 - 0.086), h_m))
         assert (joints.a_rad, joints.b_rad) == pytest.approx((math.pi / 2, 0.0))
@@ -167,41 +165,41 @@ class TestWorkspace:
     @pytest.mark.parametrize(
         ("pose", "claim"),
         [
-            (Pose6(0.0, 0.0, -0.2, 0, 0, 0), "behind the PKM's base"),
-            (Pose6(0.0, 0.0, 0.0725, 0, 0, 0), "behind the PKM's base"),
-            (Pose6(0.12, 0.0, 0.0925, 0, 0, 0), "platform would turn over"),
-            (Pose6(0.0, 0.0, 0.12, 0, 0, 0), "behind the line AC"),
-            (Pose6(-0.1, 0.3, 0.2, 0, 0, 0), "singularity"),
+            (swarm.Pose6(0.0, 0.0, -0.2, 0, 0, 0), "behind the PKM's base"),
+            (swarm.Pose6(0.0, 0.0, 0.0725, 0, 0, 0), "behind the PKM's base"),
+            (swarm.Pose6(0.12, 0.0, 0.0925, 0, 0, 0), "platform would turn over"),
+            (swarm.Pose6(0.0, 0.0, 0.12, 0, 0, 0), "behind the line AC"),
+            (swarm.Pose6(-0.1, 0.3, 0.2, 0, 0, 0), "singularity"),
         ],
     )
     def test_a_pose_outside_is_refused_in_words(self, pose, claim):
-        with pytest.raises(OutsideWorkspace, match=claim):
-            inverse(GEOMETRY, pose)
+        with pytest.raises(swarm.OutsideWorkspace, match=claim):
+            swarm.inverse(GEOMETRY, pose)
 
     def test_legs_that_do_not_close_are_refused(self):
-        joints = replace(inverse(GEOMETRY, UPRIGHT), legs_m=(0.2, 0.9, 0.2))
-        with pytest.raises(OutsideWorkspace, match=r"B 0\.9000 m.*do not close"):
-            forward(GEOMETRY, joints)
+        joints = replace(swarm.inverse(GEOMETRY, UPRIGHT), legs_m=(0.2, 0.9, 0.2))
+        with pytest.raises(swarm.OutsideWorkspace, match=r"B 0\.9000 m.*do not close"):
+            swarm.forward(GEOMETRY, joints)
 
 
 class TestAngles:
     @given(angles, angles, angles)
     def test_zyz_angles_give_their_matrix_back(self, a, b, c):
-        matrix = zyz_matrix(a, b, c)
-        assert_allclose(zyz_matrix(*zyz_angles(matrix)), matrix, rtol=0, atol=1e-14)
+        matrix = swarm.zyz_matrix(a, b, c)
+        assert_allclose(swarm.zyz_matrix(*swarm.zyz_angles(matrix)), matrix, rtol=0, atol=1e-14)
 
     @given(angles, st.floats(-1e-7, 1e-7), angles, st.booleans())
     def test_so_they_do_where_the_middle_axis_is_lost(self, a, b, c, over):
         """Only the sum, or the difference, of the outer angles counts there."""
-        matrix = zyz_matrix(a, b + math.pi * over, c)
-        assert_allclose(zyz_matrix(*zyz_angles(matrix)), matrix, rtol=0, atol=1e-14)
+        matrix = swarm.zyz_matrix(a, b + math.pi * over, c)
+        assert_allclose(swarm.zyz_matrix(*swarm.zyz_angles(matrix)), matrix, rtol=0, atol=1e-14)
 
     def test_a_quarter_turn_about_y_leads_z_to_x(self):
-        assert_allclose(zyz_matrix(0.0, math.pi / 2, 0.0) @ [0, 0, 1], [1, 0, 0], atol=1e-15)
+        assert_allclose(swarm.zyz_matrix(0.0, math.pi / 2, 0.0) @ [0, 0, 1], [1, 0, 0], atol=1e-15)
 
 
 class TestChecks:
-    @pytest.mark.parametrize("name", [field.name for field in fields(PkmGeometry)])
+    @pytest.mark.parametrize("name", [field.name for field in fields(swarm.PkmGeometry)])
     @pytest.mark.parametrize("value", [-0.01, math.nan, math.inf])
     def test_lengths_are_positive_and_finite(self, name, value):
         with pytest.raises(ValueError, match=f"PkmGeometry {name} must be finite"):
@@ -212,7 +210,7 @@ class TestChecks:
         with pytest.raises(ValueError, match="base_arm_m must be finite and > 0, not 0"):
             replace(GEOMETRY, base_arm_m=0.0)
 
-    @pytest.mark.parametrize("name", [field.name for field in fields(Pose6)])
+    @pytest.mark.parametrize("name", [field.name for field in fields(swarm.Pose6)])
     def test_poses_are_finite(self, name):
         with pytest.raises(ValueError, match=f"Pose6 {name} must be finite, not nan"):
             replace(UPRIGHT, **{name: math.nan})
@@ -228,6 +226,6 @@ class TestChecks:
         ],
     )
     def test_joints_are_finite(self, change, claim):
-        joints = inverse(GEOMETRY, UPRIGHT)
+        joints = swarm.inverse(GEOMETRY, UPRIGHT)
         with pytest.raises(ValueError, match=claim):
             replace(joints, **change)  # type: ignore[arg-type]

@@ -21,35 +21,23 @@ from ezdxf.math import BSpline
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan_swarmitfix import (
-    CURVE_TOLERANCE_M,
-    MAX_BYTES,
-    SUFFIXES,
-    Arc,
-    Line,
-    Spline,
-    TrajectoryFileError,
-    TrajectoryPath,
-    Workpiece,
-    circle_of,
-    read_trajectory,
-    sample,
-)
+import skillplan_swarmitfix as swarm
+from skillplan_swarmitfix import SUFFIXES
 from skillplan_swarmitfix.trajectory.workpiece import faults
 
 DATA = Path(__file__).parent / "data"
 SLOT_M = 2 * 1.0 + math.pi * 0.5
 
 
-def read(folder: Path, name: str, content: str | bytes) -> TrajectoryPath:
+def read(folder: Path, name: str, content: str | bytes) -> swarm.TrajectoryPath:
     path = folder / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return read_trajectory(path)
+    return swarm.read_trajectory(path)
 
 
 def refused(folder: Path, name: str, content: str | bytes) -> str:
     """Return what is said of a bad file, without its name."""
-    with pytest.raises(TrajectoryFileError) as caught:
+    with pytest.raises(swarm.TrajectoryFileError) as caught:
         read(folder, name, content)
     message = str(caught.value)
     assert "\n" not in message
@@ -66,8 +54,8 @@ def drawing(draw: Callable[[Modelspace], Any], units: int = 4) -> str:
     return stream.getvalue()
 
 
-def length_m(path: TrajectoryPath) -> float:
-    return Workpiece.from_elements(
+def length_m(path: swarm.TrajectoryPath) -> float:
+    return swarm.Workpiece.from_elements(
         path.start, path.elements, closed=path.closed, chord_tolerance_m=1e-6
     ).length_m
 
@@ -75,10 +63,15 @@ def length_m(path: TrajectoryPath) -> float:
 class TestAnyFile:
     @pytest.mark.parametrize("name", ["slot.dxf", "slot.nc"])
     def test_a_slot_is_the_same_from_a_drawing_and_a_program(self, name):
-        slot = read_trajectory(DATA / name)
+        slot = swarm.read_trajectory(DATA / name)
         assert slot.closed
         assert slot.start == pytest.approx((0.5, 0.3))
-        assert [type(element) for element in slot.elements] == [Line, Arc, Line, Arc]
+        assert [type(element) for element in slot.elements] == [
+            swarm.Line,
+            swarm.Arc,
+            swarm.Line,
+            swarm.Arc,
+        ]
         assert [element.end for element in slot.elements] == [
             pytest.approx(end) for end in ((1.5, 0.3), (1.5, 0.8), (0.5, 0.8), (0.5, 0.3))
         ]
@@ -87,31 +80,31 @@ class TestAnyFile:
         assert faults(slot.start, slot.elements, True, 1e-3, (0, 0, 2, 1)) == []
 
     def test_each_element_has_its_place_in_the_file(self):
-        assert read_trajectory(DATA / "slot.dxf").places == (
+        assert swarm.read_trajectory(DATA / "slot.dxf").places == (
             "LINE #1A",
             "ARC #1D",
             "LINE #1B",
             "ARC #1C",
         )
-        slot = read_trajectory(DATA / "slot.nc")
+        slot = swarm.read_trajectory(DATA / "slot.nc")
         assert slot.places == ("line 8", "line 9", "line 10", "line 11")
         assert slot.place_of((2,)) == "line 10"
         assert slot.place_of(("start",)) == "line 8"
         assert slot.place_of(()) == ""
 
     def test_a_file_that_is_not_there(self, tmp_path):
-        with pytest.raises(TrajectoryFileError, match="no such file; give the path of one"):
-            read_trajectory(tmp_path / "none.dxf")
+        with pytest.raises(swarm.TrajectoryFileError, match="no such file; give the path of one"):
+            swarm.read_trajectory(tmp_path / "none.dxf")
 
     def test_a_folder(self, tmp_path):
         (tmp_path / "folder.csv").mkdir()
-        with pytest.raises(TrajectoryFileError, match="This is a folder"):
-            read_trajectory(tmp_path / "folder.csv")
+        with pytest.raises(swarm.TrajectoryFileError, match="This is a folder"):
+            swarm.read_trajectory(tmp_path / "folder.csv")
 
     def test_a_pipe_is_not_waited_for(self, tmp_path):
         os.mkfifo(tmp_path / "pipe.csv")
-        with pytest.raises(TrajectoryFileError, match="no regular file"):
-            read_trajectory(tmp_path / "pipe.csv")
+        with pytest.raises(swarm.TrajectoryFileError, match="no regular file"):
+            swarm.read_trajectory(tmp_path / "pipe.csv")
 
     def test_a_file_that_may_not_be_read(self, tmp_path, monkeypatch):
         def forbidden(*_: Any, **__: Any) -> None:
@@ -119,13 +112,13 @@ class TestAnyFile:
 
         (tmp_path / "mine.csv").touch()
         monkeypatch.setattr("skillplan.files.regular_file.open_regular", forbidden)
-        with pytest.raises(TrajectoryFileError, match="may not be read"):
-            read_trajectory(tmp_path / "mine.csv")
+        with pytest.raises(swarm.TrajectoryFileError, match="may not be read"):
+            swarm.read_trajectory(tmp_path / "mine.csv")
 
     def test_a_name_that_no_system_takes(self, tmp_path):
         for name in ("a\0b.csv", "n" * 999 + ".csv"):
-            with pytest.raises(TrajectoryFileError, match=r"cannot be read|no such file"):
-                read_trajectory(tmp_path / name)
+            with pytest.raises(swarm.TrajectoryFileError, match=r"cannot be read|no such file"):
+                swarm.read_trajectory(tmp_path / name)
 
     def test_an_unknown_suffix(self, tmp_path):
         message = refused(tmp_path, "path.step", "x")
@@ -134,7 +127,7 @@ class TestAnyFile:
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_an_empty_or_a_huge_file(self, tmp_path, suffix):
         assert "The file is empty" in refused(tmp_path, f"a{suffix}", b" \n")
-        assert "larger than 8 MiB" in refused(tmp_path, f"a{suffix}", b"0" * (MAX_BYTES + 1))
+        assert "larger than 8 MiB" in refused(tmp_path, f"a{suffix}", b"0" * (swarm.MAX_BYTES + 1))
 
     def test_what_is_no_text(self, tmp_path):
         message = refused(tmp_path, "a.csv", b"x_m,y_m\n0,0\n\xff,1\n")
@@ -169,8 +162,8 @@ def read_or_refuse(suffix: str, content: bytes) -> None:
         path = Path(folder) / f"fuzz{suffix}"
         path.write_bytes(content)
         try:
-            read = read_trajectory(path)
-        except TrajectoryFileError as error:
+            read = swarm.read_trajectory(path)
+        except swarm.TrajectoryFileError as error:
             text = str(error)
         else:
             issues = faults(read.start, read.elements, read.closed, 1e-3, (0, 0, 2, 2))
@@ -180,15 +173,15 @@ def read_or_refuse(suffix: str, content: bytes) -> None:
 
 class TestCsv:
     def test_a_last_row_equal_to_the_first_closes_it(self):
-        pentagon = read_trajectory(DATA / "pentagon.csv")
+        pentagon = swarm.read_trajectory(DATA / "pentagon.csv")
         assert pentagon.closed
         assert pentagon.start == pentagon.elements[-1].end == pytest.approx((0.5, 0.3))
         assert pentagon.places == ("line 3", "line 4", "line 5", "line 7", "line 8")
 
     def test_without_it_is_open(self, tmp_path):
         read_back = read(tmp_path, "a.csv", "\ufeffx_m , y_m\r\n0,0\r\n1e0,.5\r\n")
-        line = Line((1, 0.5))
-        assert read_back == TrajectoryPath((0, 0), (line,), False, ("line 3",), "line 2")
+        line = swarm.Line((1, 0.5))
+        assert read_back == swarm.TrajectoryPath((0, 0), (line,), False, ("line 3",), "line 2")
         assert read_back.place_of(("start",)) == "line 2"
 
     @pytest.mark.parametrize(
@@ -213,7 +206,7 @@ class TestCsv:
 
     def test_equal_rows_are_one_point(self, tmp_path):
         twice = read(tmp_path, "a.csv", "x_m,y_m\n0,0\n1,1\n1,1\n2,0\n")
-        assert twice.elements == (Line((1, 1)), Line((2, 0)))
+        assert twice.elements == (swarm.Line((1, 1)), swarm.Line((2, 0)))
         assert twice.places == ("line 3", "line 5")
         assert twice.notes == ("1 point that repeats the one before is merged",)
         message = refused(tmp_path, "b.csv", "x_m,y_m\n1,1\n1,1\n")
@@ -242,7 +235,7 @@ class TestGcode:
     )
     def test_an_arc_has_its_side_and_its_sense(self, tmp_path, arc, through):
         (result,) = read(tmp_path, "a.nc", f"G0 X0 Y0\n{arc}").elements
-        assert isinstance(result, Arc)
+        assert isinstance(result, swarm.Arc)
         assert result.through == pytest.approx((through[0] / 1e3, through[1] / 1e3))
 
     @pytest.mark.parametrize("code", ["G2 I5", "G3 X0 Y0 I5 J0"])
@@ -250,7 +243,7 @@ class TestGcode:
         circle = read(tmp_path, "a.nc", f"G0 X0 Y0\n{code}")
         assert (circle.closed, circle.places) == (True, ("line 2", "line 2"))
         assert length_m(circle) == pytest.approx(math.tau * 0.005, rel=1e-3)
-        whole = Workpiece.from_elements(
+        whole = swarm.Workpiece.from_elements(
             circle.start, circle.elements, closed=True, chord_tolerance_m=1e-6
         )
         assert whole.clockwise is code.startswith("G2")
@@ -327,9 +320,9 @@ class TestDxf:
         line, arc, _, dent = d.elements
         assert d.closed
         assert line.end == pytest.approx((up * 1.0, 0))
-        assert isinstance(arc, Arc)
+        assert isinstance(arc, swarm.Arc)
         assert arc.through == pytest.approx((up * 1.25, 0.25))
-        assert isinstance(dent, Arc)
+        assert isinstance(dent, swarm.Arc)
         assert dent.through == pytest.approx((up * 0.125, 0.25))
         assert [place.split(", ")[1] for place in d.places] == [f"vertex {i}" for i in (2, 3, 4, 1)]
 
@@ -339,8 +332,8 @@ class TestDxf:
             tmp_path, "a.dxf", drawing(lambda space: space.add_lwpolyline(corners, format="xyb"))
         )
         (arc,) = d.elements
-        assert isinstance(arc, Arc)
-        assert circle_of(d.start, arc).sweep_rad == pytest.approx(4 * math.atan(0.3))
+        assert isinstance(arc, swarm.Arc)
+        assert swarm.circle_of(d.start, arc).sweep_rad == pytest.approx(4 * math.atan(0.3))
 
     @pytest.mark.parametrize(("units", "metre"), [(0, 1e-3), (1, 0.0254), (4, 1e-3), (6, 1.0)])
     def test_the_unit_is_that_of_the_header(self, tmp_path, units, metre):
@@ -350,7 +343,7 @@ class TestDxf:
     def test_without_a_header_it_is_millimetres(self, tmp_path):
         text = (DATA / "slot.dxf").read_text("utf-8")
         bare = "  0\nSECTION\n  2\nENTITIES" + text.partition("ENTITIES")[2]
-        slot = read_trajectory(DATA / "slot.dxf")
+        slot = swarm.read_trajectory(DATA / "slot.dxf")
         assert read(tmp_path, "a.dxf", bare) == replace(slot, unit_assumed=True)
 
     def test_a_chain_runs_in_the_sense_of_its_first_entity(self, tmp_path):
@@ -376,17 +369,17 @@ class TestDxf:
         corners = [(0, 0), (1, 2), (2, -1), (3, 1), (4, 0)]
         d = read(tmp_path, "a.dxf", drawing(lambda space: space.add_open_spline(corners), 6))
         (element,) = d.elements
-        assert isinstance(element, Spline)
+        assert isinstance(element, swarm.Spline)
         on_curve = np.array([(p.x, p.y) for p in BSpline(corners).approximate(20_000)])
-        for point in sample(d.start, element, 1e-6)[::20]:
+        for point in swarm.sample(d.start, element, 1e-6)[::20]:
             near = int(np.hypot(*(on_curve - point).T).argmin())
             a, b = on_curve[max(near - 1, 0)], on_curve[min(near + 1, len(on_curve) - 1)]
             off = np.cross(np.append(b - a, 0), np.append(point - a, 0))[2] / np.hypot(*(b - a))
-            assert abs(off) < CURVE_TOLERANCE_M
+            assert abs(off) < swarm.CURVE_TOLERANCE_M
         text = drawing(lambda space: space.add_ellipse((1, 1), (0.5, 0), 0.4), 6)
         d = read(tmp_path, "a.dxf", text)
         assert d.closed
-        for x, y in sample(d.start, d.elements[0], 1e-6):
+        for x, y in swarm.sample(d.start, d.elements[0], 1e-6):
             assert ((x - 1) / 0.5) ** 2 + ((y - 1) / 0.2) ** 2 == pytest.approx(1, abs=1e-4)
 
     def test_a_spline_is_cut_at_its_corners(self, tmp_path):
@@ -404,7 +397,7 @@ class TestDxf:
         space.add_line((5, 5), (6, 6), dxfattribs={"layer": "notes"})
         stream = io.StringIO()
         document.write(stream)
-        assert read(tmp_path, "a.dxf", stream.getvalue()).elements == (Line((1, 0)),)
+        assert read(tmp_path, "a.dxf", stream.getvalue()).elements == (swarm.Line((1, 0)),)
 
     @pytest.mark.parametrize(
         ("draw", "message"),
@@ -505,8 +498,8 @@ class TestDxf:
 class TestTrajectoryPath:
     def test_it_has_an_element(self):
         with pytest.raises(ValueError, match="needs an element"):
-            TrajectoryPath((0, 0), (), False, ())
+            swarm.TrajectoryPath((0, 0), (), False, ())
 
     def test_each_element_has_a_place(self):
         with pytest.raises(ValueError, match="0 places for 1 elements"):
-            TrajectoryPath((0, 0), (Line((1, 0)),), False, ())
+            swarm.TrajectoryPath((0, 0), (swarm.Line((1, 0)),), False, ())

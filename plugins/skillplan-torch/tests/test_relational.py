@@ -4,37 +4,31 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
+import skillplan_torch as torch_plugin
 from skillplan.errors import OptionError
 from skillplan.pipeline import load_problem, make_model, solve
-from skillplan.records import write_relational
+from skillplan.records import is_relational, write_relational
 from skillplan.solvers import FamilyLesson
 from skillplan.training import GeneratedFamily, follow_policy, read_policy
-from skillplan_torch import (
-    Board,
-    Lessons,
-    NetworkSize,
-    RelationalOptions,
-    RelationalSolver,
-    TorchNetwork,
-)
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 TINY = {"boards": 2, "rounds": 2, "updates": 3, "batch": 8, "width": 16, "layers": 1}
 
 
 def learned(family: str, seed: int = 0, **options: int) -> FamilyLesson:
-    solver = RelationalSolver(RelationalOptions(**options))
+    solver = torch_plugin.RelationalSolver(torch_plugin.RelationalOptions(**options))
     tasks = GeneratedFamily.parse(family).tasks(solver.boards, seed)
     return solver.learn((make_model(task) for task in tasks), seed, lambda: None)
 
 
-def lessons_of(boards: list[Board]) -> Lessons:
-    lessons = Lessons()
+def lessons_of(boards: list[torch_plugin.Board]) -> torch_plugin.Lessons:
+    lessons = torch_plugin.Lessons()
     chance = np.random.Generator(np.random.PCG64(0))
     for board in boards:
         lessons.add(board.walk(lambda graph: 0, chance, 1.0))
@@ -43,12 +37,12 @@ def lessons_of(boards: list[Board]) -> Lessons:
 
 @pytest.fixture(scope="module")
 def boards():
-    return [Board.of(make_model(task)) for task in GeneratedFamily(3, 6).tasks(4, 1)]
+    return [torch_plugin.Board.of(make_model(task)) for task in GeneratedFamily(3, 6).tasks(4, 1)]
 
 
 def test_numpy_answers_as_torch_does(boards):
     """To 1e-6 of what scores are, also where a batch pads smaller boards."""
-    network = TorchNetwork(NetworkSize(), seed=5)
+    network = torch_plugin.TorchNetwork(torch_plugin.NetworkSize(), seed=5)
     lessons = lessons_of(boards)
     features, pairs, present, *_ = lessons.batch(np.arange(len(lessons)))
     with torch.no_grad():
@@ -88,7 +82,7 @@ def test_boards_that_are_too_large_to_be_taught_are_refused():
 
 def test_without_a_policy_to_follow_it_refuses():
     model = make_model(load_problem(CONFIGS / "inverter_board.yaml").task)
-    why = RelationalSolver().refuses(model)
+    why = torch_plugin.RelationalSolver().refuses(model)
     assert why is not None
     assert "train --family" in why
 
@@ -118,7 +112,7 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path):
         best = solve(task, "auto").cost
         assert best is not None
         assert walked.cost <= 1.15 * best
-    solver = RelationalSolver(RelationalOptions(run=str(tmp_path)))
+    solver = torch_plugin.RelationalSolver(torch_plugin.RelationalOptions(run=str(tmp_path)))
     solution = solver.solve(make_model(tasks[0]))
     assert solution.plan is not None
 
@@ -141,3 +135,76 @@ def test_the_command_line_trains_and_keeps_what_was_learned(tmp_path, capsys):
         main(command)
     assert ended.value.code == 2
     assert "--out" in capsys.readouterr().err
+
+
+# Policies that carry over as files: what is read is what was written; damage is named.
+
+
+SIZE = torch_plugin.NetworkSize(width=8, heads=2, layers=1, pair_width=4)
+
+
+def a_network() -> torch_plugin.RelationalNetwork:
+    chance = np.random.Generator(np.random.PCG64(0))
+    shapes = SIZE.shapes().items()
+    arrays = {name: chance.normal(size=shape).astype(np.float32) for name, shape in shapes}
+    return torch_plugin.RelationalNetwork(SIZE, arrays)
+
+
+@pytest.fixture
+def stored(tmp_path):
+    content: dict[str, Any] = {
+        "solver": "relational",
+        "options": {"boards": 3},
+        "family": "generated:3-5",
+        "boards": 3,
+        "seed": 1,
+        "trace": {"states": 12},
+        "trial": None,
+        "wall_s": 1.5,
+    }
+    write_relational(tmp_path, a_network(), **content)
+    return tmp_path
+
+
+def test_what_is_read_is_what_was_written(stored):
+    policy = read_policy(stored)
+    assert is_relational(str(stored))
+    assert SIZE.width == policy.policy.dimensions["width"]
+    assert policy.content.family == "generated:3-5"
+    for name, array in a_network().arrays.items():
+        assert np.array_equal(array, policy.policy.weights[name])
+
+
+def test_another_folder_is_none(tmp_path):
+    assert not is_relational(str(tmp_path))
+
+
+def test_weights_that_were_changed_are_named(stored):
+    path = stored / "relational.safetensors"
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(OptionError, match=r"safetensors: is damaged: its hash is not the one in"):
+        read_policy(stored)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("element_features", ["another"], "has other features"),
+        ("boards", 0, "is damaged"),
+        ("size", {"width": 16, "heads": 2, "layers": 1, "pair_width": 4}, "is damaged"),
+    ],
+)
+def test_a_document_that_was_changed_is_named(stored, key, value, message):
+    path = stored / "relational.json"
+    document = json.loads(path.read_text("utf-8"))
+    path.write_text(json.dumps({**document, key: value}), "utf-8")
+    with pytest.raises(OptionError, match=message):
+        read_policy(stored)
+
+
+def test_missing_weights_are_named(stored):
+    (stored / "relational.safetensors").unlink()
+    with pytest.raises(OptionError, match="cannot be read"):
+        read_policy(stored)

@@ -26,6 +26,13 @@ BEARS = 0.1
 
 _FAR = 1e6
 _PER_FORCE = 1e-9
+_SETTINGS = (
+    ("output_flag", False),
+    ("threads", 1),
+    ("random_seed", 0),
+    ("presolve", "off"),
+    ("solver", "simplex"),
+)
 _SETTLED = highspy.HighsModelStatus.kOptimal
 _MOST_POINTS = 12
 # Points on each edge at which two surfaces may touch.
@@ -58,34 +65,56 @@ def minimize_help(columns: Sequence[Column], loads: Array, scale: Array) -> Arra
     rows, forces = len(loads), len(columns)
     helps = np.arange(rows)
     counts = [len(column) for column in columns]
-    program = highspy.HighsLp()
-    program.num_row_, program.num_col_ = rows, forces + 2 * rows
-    program.col_cost_ = np.concatenate([np.full(forces, _PER_FORCE), np.ones(2 * rows)])
-    program.col_lower_, program.col_upper_ = (
-        np.zeros(forces + 2 * rows),
-        np.full(forces + 2 * rows, _FAR),
+    highs = make_program(
+        [*counts, *[1] * (2 * rows)],
+        np.concatenate([[row for column in columns for row, _ in column], helps, helps]),
+        np.concatenate([[by for column in columns for _, by in column], scale, -scale]),
+        np.concatenate([np.full(forces, _PER_FORCE), np.ones(2 * rows)]),
+        _FAR,
+        (loads, loads),
     )
-    program.row_lower_ = program.row_upper_ = loads
-    matrix = program.a_matrix_
-    matrix.format_ = highspy.MatrixFormat.kColwise
-    matrix.start_ = np.cumsum([0, *counts, *[1] * (2 * rows)])
-    matrix.index_ = np.concatenate([[row for column in columns for row, _ in column], helps, helps])
-    matrix.value_ = np.concatenate([[by for column in columns for _, by in column], scale, -scale])
-    highs = highspy.Highs()
-    for key, value in (
-        ("output_flag", False),
-        ("threads", 1),
-        ("random_seed", 0),
-        ("presolve", "off"),
-        ("solver", "simplex"),
-    ):
-        highs.setOptionValue(key, value)
-    highs.passModel(program)
     highs.run()
     if highs.getModelStatus() != _SETTLED:
         return None
     help_values = np.array(highs.getSolution().col_value[forces:])
     return np.asarray(help_values.reshape(2, rows).sum(axis=0))
+
+
+def make_program(
+    counts: Sequence[int],
+    indices: NDArray[np.int64],
+    values: Array,
+    costs: Array,
+    upper: float,
+    bounds: tuple[Array, Array],
+) -> highspy.Highs:
+    """Return a linear program over columns from 0 to an upper bound.
+
+    Parameters
+    ----------
+    counts
+        Number of entries of each column.
+    indices, values
+        Rows and coefficients of the entries, column by column.
+    costs
+        Cost of each column.
+    bounds
+        Lower and upper bounds of the rows.
+    """
+    program = highspy.HighsLp()
+    program.num_row_, program.num_col_ = len(bounds[0]), len(counts)
+    program.col_cost_ = costs
+    program.col_lower_, program.col_upper_ = np.zeros(len(counts)), np.full(len(counts), upper)
+    program.row_lower_, program.row_upper_ = bounds
+    matrix = program.a_matrix_
+    matrix.format_ = highspy.MatrixFormat.kColwise
+    matrix.start_ = np.cumsum([0, *counts])
+    matrix.index_, matrix.value_ = indices, values
+    highs = highspy.Highs()
+    for key, value in _SETTINGS:
+        highs.setOptionValue(key, value)
+    highs.passModel(program)
+    return highs
 
 
 def select_spread(points_m: Array, normals: Array, most: int = _MOST_POINTS) -> list[int]:

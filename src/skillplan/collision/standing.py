@@ -30,6 +30,7 @@ from skillplan.collision.contact_forces import (
     Surface,
     collect_pushes,
     find_axes_across,
+    make_program,
 )
 from skillplan.collision.solid import TOUCH_M, Solid, find_centre
 
@@ -59,13 +60,6 @@ _ROUNDING_M = 1e-6
 _MOST_POINTS = 24
 _ALONG = 0.999
 _INFINITY = highspy.kHighsInf
-_SETTINGS = (
-    ("output_flag", False),
-    ("threads", 1),
-    ("random_seed", 0),
-    ("presolve", "off"),
-    ("solver", "simplex"),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -531,25 +525,17 @@ class _Program:
         for row in range(balance):
             self._blocks.append(([row], np.array([[1.0], [-1.0]])))
         counts = [len(rows) for rows, values in self._blocks for _ in range(len(values))]
-        program = highspy.HighsLp()
-        program.num_row_, program.num_col_ = balance + len(upper), len(counts)
-        costs = [np.full(self._forces, _PER_FORCE), np.ones(2 * balance)]
-        program.col_cost_ = np.concatenate(costs)
-        program.col_lower_ = np.zeros(len(counts))
-        program.col_upper_ = np.full(len(counts), _INFINITY)
-        program.row_lower_ = np.array([0.0] * balance + [-_INFINITY] * len(upper))
-        program.row_upper_ = np.array([0.0] * balance + [*upper])
-        matrix = program.a_matrix_
-        matrix.format_ = highspy.MatrixFormat.kColwise
-        matrix.start_ = np.cumsum([0, *counts])
-        indices = [np.tile(np.array(rows, np.int32), len(values)) for rows, values in self._blocks]
-        matrix.index_ = np.concatenate(indices)
-        matrix.value_ = np.concatenate([values.reshape(-1) for _, values in self._blocks])
-        highs = highspy.Highs()
-        for key, value in _SETTINGS:
-            highs.setOptionValue(key, value)
-        highs.passModel(program)
-        return highs
+        return make_program(
+            counts,
+            np.concatenate([np.tile(rows, len(values)) for rows, values in self._blocks]),
+            np.concatenate([values.reshape(-1) for _, values in self._blocks]),
+            np.concatenate([np.full(self._forces, _PER_FORCE), np.ones(2 * balance)]),
+            _INFINITY,
+            (
+                np.array([0.0] * balance + [-_INFINITY] * len(upper)),
+                np.array([0.0] * balance + [*upper]),
+            ),
+        )
 
 
 def _join(bodies: Iterable[str], joined: Iterable[tuple[str, str]]) -> list[tuple[str, ...]]:

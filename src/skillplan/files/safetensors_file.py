@@ -6,11 +6,19 @@ stated in the header, and fit in memory, before any is allocated.
 
 from __future__ import annotations
 
+import hashlib
 import os
-from typing import Any
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
 
+from numpy.typing import NDArray
+
+from skillplan.errors import OptionError
 from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import RefusedFile, open_regular, read_rest
+
+Built = TypeVar("Built")
 
 # Longest header that the parser of safetensors accepts.
 _MOST_HEADER_BYTES = 100_000_000
@@ -65,6 +73,49 @@ def read_safetensors(
             raise RefusedFile("memory", path, room_bytes)
         file.seek(0)
         return read_rest(file, path, most_bytes), header
+
+
+def build_from_weights(
+    path: Path,
+    most_bytes: int,
+    sha256: str,
+    build: Callable[[Mapping[str, NDArray[Any]]], Built],
+    *,
+    document: Path,
+    remedy: str,
+    within: Path | None = None,
+) -> Built:
+    """Return an object built from the arrays of a file.
+
+    Parameters
+    ----------
+    most_bytes, within
+        As in `read_safetensors`.
+    sha256, document
+        Hash of the file, and the document that states it.
+    build
+        Raises ValueError or KeyError if the arrays do not fit.
+    remedy
+        What to do if the file is damaged, for messages.
+
+    Raises
+    ------
+    OptionError
+        If the file cannot be read, has another hash, or its arrays do not fit.
+    """
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        data, _ = read_safetensors(path, most_bytes, within=within)
+        if hashlib.sha256(data).hexdigest() != sha256:
+            raise ValueError(f"its hash is not the one in {document}")
+        return build(load(data))
+    except OSError as error:
+        raise OptionError(f"{path}: cannot be read: {error.strerror}. {remedy}.") from None
+    except (ValueError, KeyError, SafetensorError) as error:
+        reason = f"has no {error}" if isinstance(error, KeyError) else str(error).rstrip(".")
+        raise OptionError(f"{path}: is damaged: {reason}. {remedy}.") from None
 
 
 def _claimed(header: Any) -> int:

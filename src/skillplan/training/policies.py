@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -109,13 +110,7 @@ def sample_roll_outs(
     BackEndError
         If a back end fails.
     """
-
-    def choose(
-        observed: Any, masks: NDArray[np.bool_], uniforms: NDArray[np.float64]
-    ) -> NDArray[np.int64]:
-        return rule.draw(policy, observed, masks, uniforms)
-
-    return _run_episodes(env, choose, episodes, seed)[0]
+    return _run_episodes(env, partial(rule.draw, policy), episodes, seed)[0]
 
 
 def measure_random_baseline(
@@ -137,13 +132,9 @@ def measure_random_baseline(
     BackEndError
         If a back end fails.
     """
-
-    def choose(
-        _: Any, masks: NDArray[np.bool_], uniforms: NDArray[np.float64]
-    ) -> NDArray[np.int64]:
-        return random_actions(masks, uniforms)
-
-    tally, best_cost = _run_episodes(env, choose, episodes, seed)
+    tally, best_cost = _run_episodes(
+        env, lambda _, masks, uniforms: random_actions(masks, uniforms), episodes, seed
+    )
     return RandomBaseline(tally, best_cost, mask)
 
 

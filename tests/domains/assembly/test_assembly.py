@@ -1,10 +1,12 @@
 """The assembly domain: from content to tasks."""
 
 import math
+from typing import Any
 
 import pytest
 
 from situations import assembly, config_content
+from skillplan.domains.assembly import MOST_STEPS, AssemblyConfig, AssemblyDomain
 from skillplan.model import replay
 from skillplan.pipeline import Setup, make_model
 from skillplan.testing import DomainSuite, lid_content, reachable_states
@@ -214,3 +216,117 @@ def test_a_fixed_part_stands_from_the_start_and_no_skill_moves_it():
     assert task.operations == {"block": "placed(block)"}
     placements = task.scene.body("base").placements
     assert [placement.fact for placement in placements] == ["placed(base)"]
+
+
+# A part that lies where a feeder hands out is told of before anything is planned.
+
+
+def hints(lying: dict[str, Any], handed_out: dict[str, Any] | None = None) -> list[str]:
+    """Return what is said of a box that lies near a feeder at [0.4, 0.2]."""
+    box = {"tool": "gripper", "size_m": [0.04, 0.04, 0.02], "goal_m": [0.5, -0.2]}
+    chip = {"tool": "gripper", "size_m": [0.01, 0.01, 0.01], "goal_m": [0.4, -0.2]}
+    content: dict[str, Any] = {
+        "kind": "assembly",
+        "name": "feeder",
+        "robot": {"home_m": [0.3, 0.0]},
+        "tools": {"gripper": {"holder_m": [0.6, 0.3]}},
+        "initial_tool": "gripper",
+        "feeders": {"tray": {"position_m": [0.4, 0.2]}},
+        "parts": {"box": {**box, **lying}},
+    }
+    content["parts"] |= {"chip": {**chip, "feeder": "tray"}} if handed_out is None else {}
+    config = AssemblyConfig.model_validate({**content, **(handed_out or {})})
+    return [str(hint) for hint in AssemblyDomain().hints(config)]
+
+
+@pytest.mark.parametrize("start_m", [[0.4, 0.2], [0.42, 0.2], [0.4, 0.224]])
+def test_a_part_upon_a_feeder_is_told_of_with_what_waits(start_m):
+    """Whatever of the two boxes meets."""
+    assert hints({"start_m": start_m}) == [
+        "parts.box.start_m: 'box' lies where 'tray' hands out 'chip', which cannot be taken before "
+        "it is gone. Move one of them."
+    ]
+
+
+@pytest.mark.parametrize("start_m", [[0.43, 0.2], [0.4, 0.23], [0.3, 0.0]])
+def test_a_part_beside_a_feeder_is_not(start_m):
+    """Nothing of it is over what is handed out."""
+    assert hints({"start_m": start_m}) == []
+
+
+def test_a_screw_s_feeder_is_blocked_as_well():
+    """Screws wait like parts."""
+    screw = {"tool": "driver", "hole_m": [0.5, -0.2], "through": "box", "feeder": "tray"}
+    tools = {"gripper": {"holder_m": [0.6, 0.3]}, "driver": {"holder_m": [0.6, -0.3]}}
+    (hint,) = hints({"start_m": [0.41, 0.2]}, {"screws": {"bolt": screw}, "tools": tools})
+    assert "where 'tray' hands out 'bolt'" in hint
+
+
+def test_a_part_over_a_low_feeder_is_told_of_by_the_way_up():
+    """What is handed out at the table's height is lifted through a bridge."""
+    bridge = {
+        "size_m": None,
+        "boxes": [
+            {"size_m": [0.01, 0.06, 0.04], "centre_m": [-0.05, 0, 0.02]},
+            {"size_m": [0.01, 0.06, 0.04], "centre_m": [0.05, 0, 0.02]},
+            {"size_m": [0.11, 0.06, 0.01], "centre_m": [0, 0, 0.045]},
+        ],
+    }
+    assert len(hints({"start_m": [0.4, 0.2], **bridge})) == 1
+
+
+def test_what_nobody_takes_is_not_blocked():
+    """A feeder that hands out nothing has nothing to wait for."""
+    assert hints({"start_m": [0.4, 0.2]}, {"screws": {}}) == []
+
+
+# The step limit of a file that gives none is enough for every order of its skills.
+
+
+BOARD = "inverter_board"
+
+
+def limit_of(name: str = BOARD, **changes: Any) -> int:
+    """Return the step limit of a shipped file that says none."""
+    content = config_content(name)
+    content.pop("step_limit")
+    return assembly({**content, **changes}).step_limit
+
+
+def failing(probability: float) -> dict[str, Any]:
+    parts = config_content(BOARD)["parts"]
+    parts["pcb"]["grasp_failure"] = probability
+    return parts
+
+
+class TestTheDefault:
+    def test_is_every_skill_once_and_a_change_before_each(self):
+        """Six picks, six places, two screws; a swap before each of these eight, and a last one."""
+        assert limit_of() == 6 + 6 + 2 + (8 + 1)
+
+    def test_counts_two_skills_a_change_where_tools_are_returned_first(self):
+        """Offload and load."""
+        assert limit_of(tool_change={"style": "separate"}) == 6 + 6 + 2 + 2 * (8 + 1)
+
+    def test_has_one_change_where_there_is_one_tool(self):
+        """Which may have to be attached first."""
+        content = config_content(BOARD)
+        content = {k: v for k, v in content.items() if k not in ("chart", "actions", "observation")}
+        content["tools"].pop("screwdriver")
+        content |= {"screws": {}, "step_limit": None, "collision": {}, "reward": None}
+        assert assembly(content).step_limit == 6 + 6 + 1
+
+    @pytest.mark.parametrize(("probability", "tries"), [(0.05, 3), (0.1, 3), (0.5, 10)])
+    def test_has_room_for_grasps_that_fail(self, probability, tries):
+        """So many tries that the part is left lying once in 1,000 times at most."""
+        assert limit_of(parts=failing(probability)) == limit_of() + tries - 1
+        assert probability**tries <= 1e-3 * (1 + 1e-9) < probability ** (tries - 1)
+
+    def test_is_never_more_than_a_file_may_give(self):
+        """However hopeless a grasp is."""
+        assert limit_of(parts=failing(1 - 1e-9)) == MOST_STEPS
+
+
+def test_a_given_limit_holds(board_task):
+    """The default is for files that say none."""
+    assert board_task.step_limit == 20

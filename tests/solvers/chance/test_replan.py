@@ -16,14 +16,7 @@ from situations import make_skill, make_task, model_of, retry_task
 from skillplan.domains.assembly import BoardGenerator
 from skillplan.model import compute_least_expected_cost, evaluate_policy
 from skillplan.pipeline import load_problem, make_model
-from skillplan.solvers import Stop
-from skillplan.solvers.chance import (
-    AdaptiveSearch,
-    ReplanSolver,
-    assume_retries,
-    refuse_retries,
-    relax,
-)
+from skillplan.solvers import Stop, chance
 from skillplan.task import CaseCost, Facts
 from skillplan.testing import SolverSuite
 
@@ -62,8 +55,8 @@ def test_any_policy_costs_the_bound_and_replanning_no_more_than_its_plan(board, 
     least_expected_cost = compute_least_expected_cost(model, 20_000)
     assert least_expected_cost is not None
     for lookahead in (True, False):
-        options = ReplanSolver.Options(lookahead=lookahead, roll_outs=2)
-        solution = ReplanSolver(options).solve(model)
+        options = chance.ReplanSolver.Options(lookahead=lookahead, roll_outs=2)
+        solution = chance.ReplanSolver(options).solve(model)
         assert solution.policy is not None
         cost = evaluate_policy(model, solution.policy.get).cost
         assert cost is not None
@@ -77,7 +70,7 @@ def test_any_policy_costs_the_bound_and_replanning_no_more_than_its_plan(board, 
 def test_after_a_miss_another_part_may_come_first():
     """On the inverter board: 0.2 % above the optimum, where the order of a plan is 2.5 % above."""
     model = make_model(load_problem(CONFIGS / "inverter_grasps.yaml").task)
-    solution = ReplanSolver().solve(model)
+    solution = chance.ReplanSolver().solve(model)
     assert solution.policy is not None
     assert evaluate_policy(model, solution.policy.get).cost == pytest.approx(2.22821, abs=1e-5)
     assert solution.trace["planned_cost"] == pytest.approx(2.27825, abs=1e-5)
@@ -89,7 +82,7 @@ def test_after_a_miss_another_part_may_come_first():
 def test_later_searches_live_on_earlier_ones(board):
     """From wherever a grasp may fail: half the states that searches from there alone expand."""
     model = make_model(board)
-    search = AdaptiveSearch(model, assume_retries(board), Stop(), 100_000)
+    search = chance.AdaptiveSearch(model, chance.assume_retries(board), Stop(), 100_000)
     state, missed = model.initial, []
     while not model.is_goal(state):
         skill = search.skill(state)
@@ -100,7 +93,7 @@ def test_later_searches_live_on_earlier_ones(board):
     assert missed
     alone = 0
     for miss in missed:
-        fresh = AdaptiveSearch(model, assume_retries(board), Stop(), 100_000)
+        fresh = chance.AdaptiveSearch(model, chance.assume_retries(board), Stop(), 100_000)
         assert fresh.cost(miss) == pytest.approx(search.cost(miss), abs=1e-12)
         alone += fresh.expanded
     assert search.expanded - first < alone / 2
@@ -108,7 +101,7 @@ def test_later_searches_live_on_earlier_ones(board):
 
 def test_a_plan_costs_what_following_it_without_replanning_does():
     task = retry_task(0.25, 2.0)
-    assert AdaptiveSearch(model_of(task), assume_retries(task), Stop(), 100).cost(
+    assert chance.AdaptiveSearch(model_of(task), chance.assume_retries(task), Stop(), 100).cost(
         task.initial
     ) == pytest.approx(8.0)
 
@@ -119,9 +112,9 @@ def test_what_cannot_be_tried_again_is_refused_in_words():
     outcomes = [(0.5, ("done",), ()), (0.5, (), ("whole",))]
     skills = [make_skill(facts, "try", requires=("whole",), outcomes=outcomes)]
     task = make_task(facts, skills, goal=("done",), initial=("whole",))
-    why = refuse_retries(task)
+    why = chance.refuse_retries(task)
     assert why == "a failure changes whole, which try asks for"
-    refusal = ReplanSolver().refuses(model_of(task))
+    refusal = chance.ReplanSolver().refuses(model_of(task))
     assert refusal is not None
     assert refusal.startswith(why)
 
@@ -141,10 +134,10 @@ def test_where_failing_saves_something_no_bound_is_claimed():
     by_place = CaseCost({facts.bit("near"): 1.0, facts.bit("far"): 100.0})
     skills[1] = replace(skills[1], cost=by_place)
     task = make_task(facts, skills, goal=("first", "second"), initial=("far",))
-    assert refuse_retries(task) is None
-    assert relax(task) is None
+    assert chance.refuse_retries(task) is None
+    assert chance.relax(task) is None
     model = model_of(task)
-    solution = ReplanSolver().solve(model)
+    solution = chance.ReplanSolver().solve(model)
     assert solution.lower_bound is None
     assert solution.trace["no_bound"] == "a failure might save something"
     assert solution.policy is not None
@@ -158,9 +151,9 @@ def test_where_failing_saves_something_no_bound_is_claimed():
 def test_what_is_given_up_still_bounds_and_what_is_weighted_still_plans(board):
     """A bound by few labels is below that of a whole search; weight 1.2 costs 20 % more at most."""
     model = make_model(board)
-    whole = ReplanSolver(ReplanSolver.Options(roll_outs=2)).solve(model)
+    whole = chance.ReplanSolver(chance.ReplanSolver.Options(roll_outs=2)).solve(model)
     few = {"bound_labels": 20, "weight": 1.2, "roll_outs": 2}
-    rough = ReplanSolver(ReplanSolver.Options(**few)).solve(model)
+    rough = chance.ReplanSolver(chance.ReplanSolver.Options(**few)).solve(model)
     assert whole.lower_bound is not None
     assert rough.lower_bound is not None
     assert 0 < rough.lower_bound < whole.lower_bound
@@ -173,8 +166,10 @@ def test_what_is_given_up_still_bounds_and_what_is_weighted_still_plans(board):
 def test_its_policy_answers_where_nothing_was_worked_out(board):
     """With policy_states=0 a state is planned for where it is met, in the same way."""
     model = make_model(board)
-    lazy = ReplanSolver(ReplanSolver.Options(policy_states=0, roll_outs=2)).solve(model)
-    whole = ReplanSolver(ReplanSolver.Options(roll_outs=2)).solve(model)
+    lazy = chance.ReplanSolver(chance.ReplanSolver.Options(policy_states=0, roll_outs=2)).solve(
+        model
+    )
+    whole = chance.ReplanSolver(chance.ReplanSolver.Options(roll_outs=2)).solve(model)
     assert lazy.policy is not None
     assert whole.policy is not None
     assert not lazy.trace["policy_complete"]

@@ -7,15 +7,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import all_orders
-from skillplan.solvers.ordering import (
-    Annealing,
-    OrderingInstance,
-    build_greedy,
-    descend_again,
-    find_followers,
-    find_nearest,
-    note_reversals,
-)
+from skillplan.solvers import ordering
 from skillplan.solvers.ordering.local_search.iterated_descent import _added, _exchange
 
 
@@ -23,8 +15,13 @@ def kicked(instance, order, seed, kicks=60):
     """Return the last and the best order, and the cost that was told."""
     now, best = np.array(order), np.array(order)
     random = np.array([2 * seed + 1], dtype=np.uint64)
-    arrays = (instance.costs, instance.before, find_nearest(instance), find_followers(instance))
-    message = descend_again(now, best, *arrays, kicks, 10.0, 0.5, random)
+    arrays = (
+        instance.costs,
+        instance.before,
+        ordering.find_nearest(instance),
+        ordering.find_followers(instance),
+    )
+    message = ordering.descend_again(now, best, *arrays, kicks, 10.0, 0.5, random)
     return now, best, message
 
 
@@ -38,7 +35,7 @@ def loose(n, seed, skew=0.0):
     for _ in range(n // 4):
         first, other = np.sort(chance.choice(n - 2, 2, replace=False))
         before[places[first], places[other]] = True
-    return OrderingInstance(costs, before)
+    return ordering.OrderingInstance(costs, before)
 
 
 @settings(max_examples=examples(60))
@@ -46,7 +43,7 @@ def loose(n, seed, skew=0.0):
 def test_orders_stay_feasible_and_cost_what_is_told(n, seed, skew):
     """The last as well as the best, whether or not a direction costs more."""
     instance = loose(n, seed, skew)
-    order = build_greedy(instance)
+    order = ordering.build_greedy(instance)
     now, best, message = kicked(instance, order, seed)
     for item in (now, best):
         assert sorted(item.tolist()) == list(range(n))
@@ -67,7 +64,9 @@ def test_an_exchange_costs_what_is_foreseen(n, seed, skew):
     costs = np.where(instance.costs < 1000, instance.costs, 500.0)
     turning = np.empty(n)
     no_one = np.full((n, 1), -1)
-    note_reversals(order, costs, no_one, (np.argsort(order), turning, np.empty(n, dtype=int)))
+    ordering.note_reversals(
+        order, costs, no_one, (np.argsort(order), turning, np.empty(n, dtype=int))
+    )
     gone = sum(costs[order[cut], order[cut + 1]] for cut in cuts)
     before = costs[order[:-1], order[1:]].sum()
     for kind in range(4):
@@ -82,8 +81,8 @@ def test_many_moves_are_several_runs_and_each_begins_hot():
     """Another run from the best finds more than a longer one; its schedule is the next."""
     instance = loose(12, 3)
     for most, turns in ((1_000, 0), (2_500_000, 2)):
-        annealing = Annealing(instance, 0)
-        portions = annealing.portions(build_greedy(instance), 1e3, most)
+        annealing = ordering.Annealing(instance, 0)
+        portions = annealing.portions(ordering.build_greedy(instance), 1e3, most)
         count = sum(moves for _, moves in portions)
         assert count <= most
         assert annealing._turn >= turns
@@ -102,7 +101,7 @@ def random_of_hundred(seed):
         first, other = np.sort(chance.choice(98, 2, replace=False))
         before[places[first], places[other]] = True
     costs[:, -1] = 0.0
-    return OrderingInstance(costs, before)
+    return ordering.OrderingInstance(costs, before)
 
 
 @pytest.mark.release(reason="20 s of kicks each; the best order of few nodes in every run")
@@ -110,8 +109,8 @@ def random_of_hundred(seed):
 def test_a_hundred_nodes_come_within_three_percent_of_the_best_seen(seed, minimum):
     """The best of many minutes by several seeds; here four million moves."""
     instance = random_of_hundred(seed)
-    order = build_greedy(instance)
-    for best, _ in Annealing(instance, 0).portions(order, instance.cost(order), 4_000_000):
+    order = ordering.build_greedy(instance)
+    for best, _ in ordering.Annealing(instance, 0).portions(order, instance.cost(order), 4_000_000):
         cost = instance.cost(best)
     assert cost <= 1.03 * minimum
 
@@ -120,7 +119,7 @@ def test_it_descends_to_an_end_where_directions_cost_differently():
     """No exchange is taken for a gain that is none, or it would be made and unmade for ever."""
     for seed in range(20):
         instance = loose(40, seed, skew=30.0)
-        _, best, message = kicked(instance, build_greedy(instance), seed, kicks=200)
+        _, best, message = kicked(instance, ordering.build_greedy(instance), seed, kicks=200)
         assert abs(message - instance.cost(best)) <= 1e-9 * message
 
 
@@ -130,7 +129,7 @@ def test_it_finds_the_best_order_both_ways_alike():
     costs = chance.integers(1, 100, (9, 9)).astype(float)
     before = np.zeros((9, 9), dtype=bool)
     before[[1, 2, 4], [2, 3, 5]] = True
-    instance = OrderingInstance(np.minimum(costs, costs.T), before)
+    instance = ordering.OrderingInstance(np.minimum(costs, costs.T), before)
     orders = all_orders(instance)
     for seed in range(5):
         _, best, _ = kicked(instance, orders[-1][1], seed, kicks=300)
@@ -140,6 +139,6 @@ def test_it_finds_the_best_order_both_ways_alike():
 def test_the_same_state_of_chance_makes_the_same_kicks():
     """The last order, the best and its cost."""
     instance = loose(20, 1)
-    runs = [kicked(instance, build_greedy(instance), 5) for _ in range(2)]
+    runs = [kicked(instance, ordering.build_greedy(instance), 5) for _ in range(2)]
     for run, other in zip(*runs, strict=True):
         assert np.array_equal(run, other)

@@ -9,21 +9,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering import (
-    NO_ARC,
-    CutRelaxation,
-    Duals,
-    OrderingInstance,
-    PairPrices,
-    PairRelaxation,
-    TwoEndedSearch,
-    build_charges,
-    find_open_pairs,
-    find_violated_triples,
-    run_beam,
-    separate_between,
-    tighten,
-)
+from skillplan.solvers import ordering
 
 MUCH = 10**9
 
@@ -38,9 +24,9 @@ def ignore(*shared):
 
 def pairs_of(instance, work=MUCH, cutoff=np.inf, stop=never, on_bound=ignore):
     """Return the relaxation over pairs after some work, begun where that over arcs ended."""
-    relaxation = CutRelaxation(instance, instance.costs < NO_ARC)
-    relaxation.fix(tighten(relaxation, cutoff, never, ignore), cutoff)
-    pairs = PairRelaxation(relaxation)
+    relaxation = ordering.CutRelaxation(instance, instance.costs < ordering.NO_ARC)
+    relaxation.fix(ordering.tighten(relaxation, cutoff, never, ignore), cutoff)
+    pairs = ordering.PairRelaxation(relaxation)
     pairs.run(work, cutoff, stop, on_bound)
     return pairs
 
@@ -62,7 +48,7 @@ def beyond(duals, order):
 
 def spent(duals, order):
     """Return what the search over subsets says was spent, after each node of an order."""
-    charges = build_charges(duals)
+    charges = ordering.build_charges(duals)
     sums = [0.0]
     for place in range(1, len(order)):
         last, node, visited = order[place - 1], order[place], set(order[:place])
@@ -129,8 +115,8 @@ def test_with_its_prices_both_searches_over_subsets_find_the_optimum_or_prove_th
     if duals is None or cutoff <= duals.bound:
         return
     duals = duals.without(cutoff)
-    met = TwoEndedSearch(instance, duals, cutoff).run(10**6, never)
-    search = run_beam(instance, duals, cutoff, 10**5, never)
+    met = ordering.TwoEndedSearch(instance, duals, cutoff).run(10**6, never)
+    search = ordering.run_beam(instance, duals, cutoff, 10**5, never)
     assert met.whole
     assert search.whole
     for order, bound in ((met.order, met.bound), (search.order, search.bound)):
@@ -149,10 +135,10 @@ def test_every_order_keeps_every_cut_between_nodes(instance, seed):
     rng = np.random.default_rng(seed)
     n = instance.n
     taken = rng.random((n, n)) * (rng.random((n, n)) < 0.4)
-    earlier = np.where(find_open_pairs(instance), rng.random((n, n)), instance.before)
+    earlier = np.where(ordering.find_open_pairs(instance), rng.random((n, n)), instance.before)
     tails, heads = np.nonzero(taken)
     nodes = np.argwhere(~np.eye(n, dtype=np.bool_) & ~instance.before.T)
-    arrive, depart, violated = separate_between(
+    arrive, depart, violated = ordering.separate_between(
         tails, heads, taken[tails, heads], earlier, nodes, 0.05
     )
     through = arrive & ~depart
@@ -183,17 +169,19 @@ def test_every_order_is_transitive(instance):
         earlier = (rank[:, None] < rank).astype(np.float64)
         taken = np.zeros((n, n))
         taken[arcs_of(order)] = 1.0
-        assert not len(find_violated_triples(earlier, taken, 1e-9)[0])
+        assert not len(ordering.find_violated_triples(earlier, taken, 1e-9)[0])
     circle = np.zeros((n, n))
     circle[1, 2] = circle[2, 3] = circle[3, 1] = 1.0
     if n > 4:
-        assert len(find_violated_triples(circle, np.zeros((n, n)), 0.5)[0]) == 3
+        assert len(ordering.find_violated_triples(circle, np.zeros((n, n)), 0.5)[0]) == 3
 
 
 def test_pairs_prove_more_than_arcs_do():
     """On what is ordered somewhat; and the more work, the more."""
     instance = instance_of(22, 3, density=0.12)
-    arcs = tighten(CutRelaxation(instance, instance.costs < NO_ARC), np.inf, never, ignore).bound
+    arcs = ordering.tighten(
+        ordering.CutRelaxation(instance, instance.costs < ordering.NO_ARC), np.inf, never, ignore
+    ).bound
     messages = []
     pairs = pairs_of(instance, on_bound=messages.append)
     bounds = [duals.bound for duals in messages]
@@ -223,16 +211,18 @@ def test_a_triple_around_the_node_where_both_ends_would_meet_hides_no_order(free
     before[: first + 1, first:middle] = before[: middle + 1, middle:last] = True
     before[: last + 1, last : last + 1] = before[last, last:] = True
     np.fill_diagonal(before, False)
-    instance = OrderingInstance(np.full((n, n), 10.0), before)
+    instance = ordering.OrderingInstance(np.full((n, n), 10.0), before)
     cost = 10.0 * (n - 1)
-    triple = PairPrices(
+    triple = ordering.PairPrices(
         np.zeros((0, 2), dtype=np.int64),
         np.zeros(0),
         np.array([[last, middle, first]]),
         np.array([6.0]),
     )
-    duals = Duals(cost - 6, np.where(instance.costs < NO_ARC, 0.0, np.inf), triple)
-    met = TwoEndedSearch(instance, duals, cost + 1).run(10**5, never)
+    duals = ordering.Duals(
+        cost - 6, np.where(instance.costs < ordering.NO_ARC, 0.0, np.inf), triple
+    )
+    met = ordering.TwoEndedSearch(instance, duals, cost + 1).run(10**5, never)
     assert met.whole
     assert met.bound == instance.cost(met.order) == cost
 
@@ -246,6 +236,6 @@ def test_an_optimum_right_below_the_cutoff_is_found(instance, work):
     duals = pairs_of(instance, work, cutoff).duals if np.isfinite(optimum) else None
     if duals is None or cutoff <= duals.bound:
         return
-    met = TwoEndedSearch(instance, duals.without(cutoff), cutoff).run(10**6, never)
+    met = ordering.TwoEndedSearch(instance, duals.without(cutoff), cutoff).run(10**6, never)
     assert met.bound == pytest.approx(optimum, rel=1e-9)
     assert instance.cost(met.order) == pytest.approx(optimum, rel=1e-9)

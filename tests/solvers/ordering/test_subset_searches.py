@@ -7,16 +7,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering import (
-    NO_ARC,
-    CompletionBounds,
-    CutRelaxation,
-    Duals,
-    OrderingInstance,
-    TwoEndedSearch,
-    run_beam,
-    tighten,
-)
+from skillplan.solvers import ordering
 from thinned import slow_case
 
 
@@ -27,10 +18,12 @@ def never():
 def duals_of(instance, rounds):
     """Return the duals of the relaxation once it gave so many bounds; 0: no bound at all."""
     if not rounds:
-        return Duals(0.0, np.where(instance.costs < NO_ARC, instance.costs, np.inf))
-    relaxation = CutRelaxation(instance, instance.costs < NO_ARC)
+        return ordering.Duals(
+            0.0, np.where(instance.costs < ordering.NO_ARC, instance.costs, np.inf)
+        )
+    relaxation = ordering.CutRelaxation(instance, instance.costs < ordering.NO_ARC)
     bounds = []
-    return tighten(relaxation, np.inf, lambda: len(bounds) >= rounds, bounds.append)
+    return ordering.tighten(relaxation, np.inf, lambda: len(bounds) >= rounds, bounds.append)
 
 
 def slack(value):
@@ -44,7 +37,7 @@ def test_what_is_ahead_is_never_more_than_any_completion_spends(instance, rounds
     duals = duals_of(instance, rounds)
     if not np.isfinite(duals.bound):
         return
-    bounds = CompletionBounds(instance, duals, bits)
+    bounds = ordering.CompletionBounds(instance, duals, bits)
     for _, order in all_orders(instance):
         spends = duals.reduced[arcs_of(order)]
         for place, node in enumerate(order):
@@ -67,7 +60,7 @@ def test_a_beam_keeps_its_word(instance, rounds, place, width):
     if not np.isfinite(duals.bound) or cutoff <= duals.bound:
         return
     for wide in (width, 10**5):
-        search = run_beam(instance, duals, cutoff, wide, never)
+        search = ordering.run_beam(instance, duals, cutoff, wide, never)
         assert search.bound <= min(optimum, cutoff) + slack(optimum)
         if search.order is not None:
             assert instance.feasible(search.order)
@@ -83,7 +76,7 @@ def test_a_beam_keeps_its_word(instance, rounds, place, width):
 def test_a_beam_in_which_all_ways_are_alike_still_leads_somewhere():
     """Where every order costs nothing, the narrowest finds one."""
     instance = instance_of(9, 4, kind="zero", density=0.2)
-    search = run_beam(instance, duals_of(instance, 1), np.inf, 1, never)
+    search = ordering.run_beam(instance, duals_of(instance, 1), np.inf, 1, never)
     assert instance.feasible(search.order)
     assert instance.cost(search.order) == 0
 
@@ -91,7 +84,7 @@ def test_a_beam_in_which_all_ways_are_alike_still_leads_somewhere():
 def test_a_beam_that_is_stopped_says_nothing():
     """Not even a bound."""
     instance = instance_of(8, 2)
-    assert run_beam(instance, duals_of(instance, 1), np.inf, 10, StopAfter(2)) is None
+    assert ordering.run_beam(instance, duals_of(instance, 1), np.inf, 10, StopAfter(2)) is None
 
 
 @settings(max_examples=examples(150))
@@ -106,7 +99,7 @@ def test_from_both_ends_it_finds_the_optimum_below_the_cutoff_or_proves_there_is
     duals = duals_of(instance, rounds)
     if not np.isfinite(duals.bound) or cutoff <= duals.bound:
         return
-    met = TwoEndedSearch(instance, duals, cutoff).run(10**6, never)
+    met = ordering.TwoEndedSearch(instance, duals, cutoff).run(10**6, never)
     assert met.whole
     if optimum < cutoff:
         assert instance.feasible(met.order)
@@ -126,7 +119,7 @@ def test_from_both_ends_its_bound_holds_wherever_it_ends(instance, rounds, polls
     if not np.isfinite(duals.bound):
         return
     for limits in ((states, never), (10**6, StopAfter(polls))):
-        met = TwoEndedSearch(instance, duals, np.inf).run(*limits)
+        met = ordering.TwoEndedSearch(instance, duals, np.inf).run(*limits)
         assert met.bound <= optimum + slack(optimum)
         if met.order is not None:
             assert instance.feasible(met.order)
@@ -136,12 +129,12 @@ def test_from_both_ends_its_bound_holds_wherever_it_ends(instance, rounds, polls
 @given(orderings(least=3, most=8))
 def test_read_backwards_an_instance_has_the_same_optimum(instance):
     """By every search, the costs of arcs turned around."""
-    costs = np.where(instance.costs < NO_ARC, instance.costs, np.inf)
-    mirrored = OrderingInstance(costs[::-1, ::-1].T, instance.before[::-1, ::-1].T)
+    costs = np.where(instance.costs < ordering.NO_ARC, instance.costs, np.inf)
+    mirrored = ordering.OrderingInstance(costs[::-1, ::-1].T, instance.before[::-1, ::-1].T)
     for item in (instance, mirrored):
         duals = duals_of(item, 1)
         if np.isfinite(duals.bound):
-            met = TwoEndedSearch(item, duals, np.inf).run(10**6, never)
+            met = ordering.TwoEndedSearch(item, duals, np.inf).run(10**6, never)
             assert met.bound == pytest.approx(least_cost(instance), rel=1e-9, abs=1e-9)
 
 
@@ -159,12 +152,12 @@ def test_sets_may_fill_any_number_of_words(n):
     before = np.zeros((n, n), dtype=np.bool_)
     item = np.arange(1, n - 3)
     before[item, item + 2] = True
-    instance = OrderingInstance(costs, before)
+    instance = ordering.OrderingInstance(costs, before)
     optimum = least_cost(instance)
     duals = duals_of(instance, 1)
-    search = run_beam(instance, duals, np.inf, 10**5, never)
+    search = ordering.run_beam(instance, duals, np.inf, 10**5, never)
     assert search.whole
     assert instance.cost(search.order) == search.bound == optimum
-    met = TwoEndedSearch(instance, duals, optimum + 1).run(10**6, never)
+    met = ordering.TwoEndedSearch(instance, duals, optimum + 1).run(10**6, never)
     assert met.whole
     assert met.bound == optimum

@@ -8,18 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.load import load_file, load_result, make_setup, open_cache
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    SOLVER,
-    TASK,
-    BackEnds,
-    Checking,
-    ResultReading,
-    Style,
-    solver_option,
-    time_limit_option,
-)
 from skillplan.cli.options.values import count_option, option, positive_number
 from skillplan.cli.writing import tell
 
@@ -41,22 +31,23 @@ def command(
             show_default=False,
         ),
     ],
-    reading: ResultReading,
+    reading: shared.ResultReading,
     *,
     within: Annotated[
         float,
         option(
             "--within M",
-            TASK,
+            shared.TASK,
             "Greatest shift of a place along x and along y, in metres.",
             parser=positive_number(_MOST_SHIFT_M),
         ),
     ] = 0.2,
     solver: Annotated[
-        str | None, solver_option("Solver of all tasks. Default: the choice of the kind of task.")
+        str | None,
+        shared.solver_option("Solver of all tasks. Default: the choice of the kind of task."),
     ] = None,
-    back_ends: BackEnds,
-    checking: Checking,
+    back_ends: shared.BackEnds,
+    checking: shared.Checking,
     tries: Annotated[
         int,
         count_option(
@@ -64,21 +55,21 @@ def command(
             minimum=1,
             maximum=10_000,
             text="Number of changed tasks to solve at most",
-            rich_help_panel=SOLVER,
+            rich_help_panel=shared.SOLVER,
         ),
     ] = _TRIES,
     time_limit_s: Annotated[
-        float | None, time_limit_option("Stop after S seconds with the advice found so far.")
+        float | None, shared.time_limit_option("Stop after S seconds with the advice found so far.")
     ] = None,
     out: Annotated[
         str | None,
         option(
             "--out FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "Save the advice as FILE.json, which 'skillplan report' shows. FILE must be new.",
         ),
     ] = None,
-    style: Style = "table",
+    style: shared.Style = "table",
 ) -> int:
     """Try changes of the cell and list the ten that save most.
 

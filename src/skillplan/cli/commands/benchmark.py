@@ -7,16 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import plugin_lists
-from skillplan.cli.options.shared import (
-    LIMITS,
-    OUTPUT,
-    SOLVER,
-    Jobs,
-    Seed,
-    Style,
-    time_limit_option,
-)
 from skillplan.cli.options.values import count_option, option, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -71,7 +63,7 @@ class Instead:
         str | None,
         option(
             "--check FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "Execute the plans and policies of a submission again, and refuse false rows.",
         ),
     ] = None
@@ -101,7 +93,9 @@ def command(
     instead: Instead,
     time_limit_s: Annotated[
         float | None,
-        time_limit_option("Time limit of a run. Default: 10 for a search, 30 for a learner."),
+        shared.time_limit_option(
+            "Time limit of a run. Default: 10 for a search, 30 for a learner."
+        ),
     ] = None,
     steps: Annotated[
         int,
@@ -110,7 +104,7 @@ def command(
             minimum=1,
             maximum=10**9,
             text="Environment steps of a learner from elsewhere, unless its time ends before",
-            rich_help_panel=LIMITS,
+            rich_help_panel=shared.LIMITS,
         ),
     ] = 10_000,
     runs: Annotated[
@@ -120,21 +114,21 @@ def command(
             minimum=1,
             maximum=1_000,
             text="Seeds of each learner, from --seed on",
-            rich_help_panel=SOLVER,
+            rich_help_panel=shared.SOLVER,
         ),
     ] = 1,
-    seed: Seed = 0,
-    jobs: Jobs = 1,
+    seed: shared.Seed = 0,
+    jobs: shared.Jobs = 1,
     out: Annotated[
         str | None,
         option(
             "--out FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "Write a submission: all results with their plans, as .json. A file of the same "
             "benchmark is continued.",
         ),
     ] = None,
-    style: Style = "table",
+    style: shared.Style = "table",
 ) -> int:
     """Run agents on tasks with proved optima under equal limits, and compare them.
 

@@ -8,17 +8,7 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.load import load_part, open_cache
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    BackEnds,
-    Checking,
-    MaybeTaskFile,
-    PartReading,
-    Seed,
-    Style,
-    TaskFile,
-    Workers,
-)
+from skillplan.cli.options import shared
 from skillplan.cli.options.values import count_option, option
 from skillplan.cli.writing import tell
 
@@ -31,7 +21,10 @@ part of where it is kept, so that nothing stale is ever used.
 
 
 def show(
-    back_ends: BackEnds, reading: PartReading, task: MaybeTaskFile = None, style: Style = "table"
+    back_ends: shared.BackEnds,
+    reading: shared.PartReading,
+    task: shared.MaybeTaskFile = None,
+    style: shared.Style = "table",
 ) -> int:
     """Show the kept verdicts by back end and task; with TASK only the verdicts for its use."""
     import time
@@ -47,7 +40,7 @@ def show(
     root = open_warm_cache().folder
     folder = VerdictFolder(root)
     if task is None:
-        if back_ends != BackEnds() or reading != PartReading():
+        if back_ends != shared.BackEnds() or reading != shared.PartReading():
             raise OptionError("Back ends, --set and --part choose what a TASK would use: name it.")
         kept, others = folder.survey()
         survey = CacheSurvey(root, kept, time.time(), len(others))
@@ -61,10 +54,10 @@ def show(
 
 
 def verify(
-    task: TaskFile,
-    back_ends: BackEnds,
-    reading: PartReading,
-    workers: Workers,
+    task: shared.TaskFile,
+    back_ends: shared.BackEnds,
+    reading: shared.PartReading,
+    workers: shared.Workers,
     sample: Annotated[
         int,
         count_option("--sample", minimum=1, maximum=1_000_000, text="Number of verdicts to check."),
@@ -76,8 +69,8 @@ def verify(
             help="Check the verdicts in other reachable states to which they claim to apply.",
         ),
     ] = False,
-    seed: Seed = 0,
-    style: Style = "table",
+    seed: shared.Seed = 0,
+    style: shared.Style = "table",
 ) -> int:
     """Check a random sample of the verdicts that TASK would use again, with fresh back ends.
 
@@ -141,11 +134,11 @@ def verify(
 
 
 def fill(
-    task: TaskFile,
-    back_ends: BackEnds,
-    reading: PartReading,
-    checking: Checking,
-    style: Style = "table",
+    task: shared.TaskFile,
+    back_ends: shared.BackEnds,
+    reading: shared.PartReading,
+    checking: shared.Checking,
+    style: shared.Style = "table",
 ) -> int:
     """Check every skill in every reachable state of TASK, so that runs start warm.
 
@@ -187,9 +180,9 @@ def fill(
 
 
 def clear(
-    task: MaybeTaskFile = None,
-    yes: Annotated[bool, option("--yes", OUTPUT, "Do not ask for confirmation.")] = False,
-    style: Style = "table",
+    task: shared.MaybeTaskFile = None,
+    yes: Annotated[bool, option("--yes", shared.OUTPUT, "Do not ask for confirmation.")] = False,
+    style: shared.Style = "table",
 ) -> int:
     """Remove all kept verdicts, or only the verdicts for the task named TASK.
 

@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from skillplan.cli.load import load_part, open_cache
-from skillplan.cli.options.shared import (
-    BackEnds,
-    Checking,
-    NoScreening,
-    PartReading,
-    Style,
-    TaskFile,
-)
+from skillplan.cli.options import shared
 
 
 def command(
-    task: TaskFile,
-    back_ends: BackEnds,
-    reading: PartReading,
-    checking: Checking,
-    no_screening: NoScreening = False,
-    style: Style = "table",
+    task: shared.TaskFile,
+    back_ends: shared.BackEnds,
+    reading: shared.PartReading,
+    checking: shared.Checking,
+    no_screening: shared.NoScreening = False,
+    style: shared.Style = "table",
 ) -> int:
     """Derive the precedence relation of TASK by querying back ends.
 

@@ -6,27 +6,16 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 from skillplan.cli.load import load_file, make_setup
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import plugin_lists
-from skillplan.cli.options.shared import (
-    BACK_ENDS,
-    Audit,
-    BackEnds,
-    Limits,
-    NoScreening,
-    Reading,
-    Seed,
-    Style,
-    TaskFile,
-    Workers,
-)
 from skillplan.cli.options.values import count_option, option, split_names
 
 COMPARED = "Compared"
 
 
 def command(
-    task: TaskFile,
-    reading: Reading,
+    task: shared.TaskFile,
+    reading: shared.Reading,
     *,
     solvers: Annotated[
         str | None,
@@ -75,19 +64,21 @@ def command(
             rich_help_panel=COMPARED,
         ),
     ] = 40,
-    seed: Seed = 0,
-    back_ends: BackEnds,
-    no_screening: NoScreening = False,
-    workers: Workers,
-    audit: Audit = None,
+    seed: shared.Seed = 0,
+    back_ends: shared.BackEnds,
+    no_screening: shared.NoScreening = False,
+    workers: shared.Workers,
+    audit: shared.Audit = None,
     warm: Annotated[
         bool,
         option(
-            "--warm", BACK_ENDS, "Let solvers use verdicts stored on disk; the title shows this."
+            "--warm",
+            shared.BACK_ENDS,
+            "Let solvers use verdicts stored on disk; the title shows this.",
         ),
     ] = False,
-    limits: Limits,
-    style: Style = "table",
+    limits: shared.Limits,
+    style: shared.Style = "table",
 ) -> int:
     """Compare several solvers, collision detectors or physics engines on TASK.
 
@@ -157,15 +148,17 @@ class _Run:
     """The solvers to compare, and their settings."""
 
     names: tuple[str, ...]
-    limits: Limits
+    limits: shared.Limits
     seed: int
-    workers: Workers
+    workers: shared.Workers
     warm: bool
     audit: int | None
     screening: bool
 
 
-def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style: str) -> int:
+def _compare(
+    path: str, reading: shared.Reading, back_ends: shared.BackEnds, run: _Run, style: str
+) -> int:
     """Run solvers on a task, print their rows, and return the exit code."""
     from contextlib import ExitStack
 

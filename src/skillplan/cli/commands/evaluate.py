@@ -9,18 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.load import load_file, load_result, make_setup, open_cache
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.shared import (
-    RESULT_HELP,
-    BackEnds,
-    Checking,
-    PartReading,
-    Reading,
-    Seed,
-    Style,
-    TimeLimit,
-    task_option,
-)
+from skillplan.cli.options.shared import RESULT_HELP
 from skillplan.cli.options.values import Mode, check_options, count_option, option, positive_number
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -34,7 +25,7 @@ OF_TASK, OF_RESULT, OF_RUN = "For a task", "For a result or a run", "For a run"
 DEFAULT_SOLVER = "auto"
 
 TaskOfResult = Annotated[
-    str | None, task_option("Task file to use instead of the stored one.", OF_RESULT)
+    str | None, shared.task_option("Task file to use instead of the stored one.", OF_RESULT)
 ]
 ChangedTask = Annotated[
     bool,
@@ -130,12 +121,12 @@ def command(
     changed_task: ChangedTask = False,
     *,
     roll_outs: RollOuts,
-    reading: PartReading,
-    seed: Seed = 0,
-    back_ends: BackEnds,
-    checking: Checking,
-    time_limit_s: TimeLimit = 10.0,
-    style: Style = "table",
+    reading: shared.PartReading,
+    seed: shared.Seed = 0,
+    back_ends: shared.BackEnds,
+    checking: shared.Checking,
+    time_limit_s: shared.TimeLimit = 10.0,
+    style: shared.Style = "table",
 ) -> int:
     """Replay a sequence on TASK or the plan of RESULT, or try the policies of a training RUN.
 
@@ -170,7 +161,7 @@ def command(
         check_options(ctx, evaluate_runs, kinds)
         for note in notes:
             tell(f"skillplan: note: {note}")
-        changes = Reading(reading.changes)
+        changes = shared.Reading(reading.changes)
         return evaluate_runs(runs, task_file, changed_task, roll_outs, changes, seed, *common)
     if is_result(first):
         check_options(ctx, replay_result, kinds)
@@ -182,11 +173,11 @@ def command(
 def replay_on_task(
     path: str,
     replayed: Replayed,
-    reading: PartReading,
-    back_ends: BackEnds,
-    checking: Checking,
-    time_limit_s: TimeLimit,
-    style: Style,
+    reading: shared.PartReading,
+    back_ends: shared.BackEnds,
+    checking: shared.Checking,
+    time_limit_s: shared.TimeLimit,
+    style: shared.Style,
 ) -> int:
     """Replay a sequence, or follow a stored policy, on a task."""
     from skillplan.errors import OptionError
@@ -218,11 +209,11 @@ def replay_result(
     path: str,
     task_file: TaskOfResult,
     changed_task: ChangedTask,
-    reading: PartReading,
-    back_ends: BackEnds,
-    checking: Checking,
-    time_limit_s: TimeLimit,
-    style: Style,
+    reading: shared.PartReading,
+    back_ends: shared.BackEnds,
+    checking: shared.Checking,
+    time_limit_s: shared.TimeLimit,
+    style: shared.Style,
 ) -> int:
     """Replay the plan of a stored result."""
     loaded = load_result(
@@ -242,11 +233,11 @@ def replay_result(
 def follow_family_policy(
     path: str,
     task_file: TaskOfResult,
-    reading: PartReading,
-    back_ends: BackEnds,
-    checking: Checking,
-    time_limit_s: TimeLimit,
-    style: Style,
+    reading: shared.PartReading,
+    back_ends: shared.BackEnds,
+    checking: shared.Checking,
+    time_limit_s: shared.TimeLimit,
+    style: shared.Style,
 ) -> int:
     """Follow a policy that was trained on random boards greedily on a task."""
     from pathlib import Path
@@ -267,12 +258,12 @@ def evaluate_runs(
     task_file: TaskOfResult,
     changed_task: ChangedTask,
     roll_outs: RollOuts,
-    reading: Reading,
-    seed: Seed,
-    back_ends: BackEnds,
-    checking: Checking,
-    time_limit_s: TimeLimit,
-    style: Style,
+    reading: shared.Reading,
+    seed: shared.Seed,
+    back_ends: shared.BackEnds,
+    checking: shared.Checking,
+    time_limit_s: shared.TimeLimit,
+    style: shared.Style,
 ) -> int:
     """Try the policies of training runs."""
     from skillplan.cli.training_runs.evaluation import RunsRequest, evaluate_run_folders
@@ -287,7 +278,7 @@ def _replay(
     task: Task,
     setup: Setup,
     plan: Sequence[Skill] | Policy,
-    checking: Checking,
+    checking: shared.Checking,
     time_limit_s: float | None,
     style: str,
 ) -> int:

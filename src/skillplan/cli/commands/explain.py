@@ -8,16 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.load import load_part, load_result, open_cache
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import skills, task_files
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    RESULT_HELP,
-    TASK,
-    BackEnds,
-    Caching,
-    PartReading,
-    Style,
-)
+from skillplan.cli.options.shared import RESULT_HELP
 from skillplan.cli.options.values import count_option, option
 from skillplan.errors import OptionError
 
@@ -56,14 +49,14 @@ def command(
             show_default=False,
         ),
     ],
-    back_ends: BackEnds,
-    reading: PartReading,
-    caching: Caching,
+    back_ends: shared.BackEnds,
+    reading: shared.PartReading,
+    caching: shared.Caching,
     after: Annotated[
         str | None,
         option(
             "--after 0,1,...",
-            TASK,
+            shared.TASK,
             "Sequence before the state, or @FILE with one. Default: the initial state.",
         ),
     ] = None,
@@ -71,7 +64,7 @@ def command(
         str | None,
         option(
             "--from RESULT",
-            TASK,
+            shared.TASK,
             f"Take the sequence from a result of TASK, {RESULT_HELP}. Uses the changes and "
             "back ends stored in it unless options override them.",
         ),
@@ -83,14 +76,14 @@ def command(
             minimum=1,
             maximum=1_000_000,
             text="With --from: the state in which step N of its plan begins; default: the end.",
-            rich_help_panel=TASK,
+            rich_help_panel=shared.TASK,
         ),
     ] = None,
     last: Annotated[
         bool,
         option(
             "--last",
-            TASK,
+            shared.TASK,
             "Explain SKILL after all other parts and screws are at their goals. No sequence "
             "need lead there.",
         ),
@@ -99,7 +92,7 @@ def command(
         str | None,
         option(
             "--picture FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "Draw the moment of failure, or the end, as .png if the physics moves bodies, or "
             "else the hulls that a detector such as swept compares. An existing file is "
             "replaced.",
@@ -108,10 +101,12 @@ def command(
     animate: Annotated[
         str | None,
         option(
-            "--animate FILE", OUTPUT, "Film the whole skill as .gif. An existing file is replaced."
+            "--animate FILE",
+            shared.OUTPUT,
+            "Film the whole skill as .gif. An existing file is replaced.",
         ),
     ] = None,
-    style: Style = "table",
+    style: shared.Style = "table",
 ) -> int:
     """Explain why SKILL, a name or action number, is feasible or not in a state of TASK.
 

@@ -10,16 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.load import load_file, load_result, make_setup, open_cache
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import plugin_names, task_files
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    RESULT_HELP,
-    TASK,
-    BackEnds,
-    Checking,
-    Reading,
-    ResultReading,
-)
+from skillplan.cli.options.shared import RESULT_HELP
 from skillplan.cli.options.values import option
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -47,7 +40,7 @@ def command(
         str,
         option(
             "--to FORMAT",
-            OUTPUT,
+            shared.OUTPUT,
             "Format, such as csv; 'skillplan plugins exporter' lists them.",
             autocompletion=plugin_names("exporter"),
             show_default=False,
@@ -57,25 +50,25 @@ def command(
         str,
         option(
             "--out FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "New file; a format with several files writes them into a folder of this name.",
             show_default=False,
         ),
     ],
-    reading: ResultReading,
-    back_ends: BackEnds,
-    checking: Checking,
+    reading: shared.ResultReading,
+    back_ends: shared.BackEnds,
+    checking: shared.Checking,
     sequence: Annotated[
         str | None,
         option(
             "--sequence 0,1,4,...",
-            TASK,
+            shared.TASK,
             "Plan of TASK: action numbers or skill names, separated by commas, or @FILE with "
             "a plan. RESULT contains its own plan.",
         ),
     ] = None,
     derived: Annotated[
-        bool, option("--derived", OUTPUT, "Has no effect; kept for older scripts.")
+        bool, option("--derived", shared.OUTPUT, "Has no effect; kept for older scripts.")
     ] = False,
 ) -> int:
     """Export a task, a plan of it, or a trained policy to the formats of other tools.
@@ -152,9 +145,9 @@ def _read(
     path: str,
     sequence: str | None,
     to: str,
-    back_ends: BackEnds,
-    reading: ResultReading,
-    checking: Checking,
+    back_ends: shared.BackEnds,
+    reading: shared.ResultReading,
+    checking: shared.Checking,
 ) -> _Source:
     """Return what is to be exported."""
     from skillplan.errors import OptionError
@@ -195,7 +188,9 @@ def _read(
     return _Source(task, setup, given, problem.domain.has_family(problem.config))
 
 
-def _read_policies(path: str, to: str, back_ends: BackEnds, checking: Checking) -> _Source:
+def _read_policies(
+    path: str, to: str, back_ends: shared.BackEnds, checking: shared.Checking
+) -> _Source:
     """Return the policies of a training and its task, as it was learned."""
     from skillplan.pipeline.setup import CHART
     from skillplan.records.training.run_folder import RunFolder
@@ -203,7 +198,7 @@ def _read_policies(path: str, to: str, back_ends: BackEnds, checking: Checking) 
     folder = RunFolder(path)
     manifest, learned = folder.manifest, folder.manifest.task
     changes = [f"{key}={value}" for key, value in learned.changes.items()]
-    problem = load_file(str(folder.checked_copy()), Reading(changes), back_ends, warn=False)
+    problem = load_file(str(folder.checked_copy()), shared.Reading(changes), back_ends, warn=False)
     task = problem.part(learned.part)
     layouts, with_chart, kept = manifest.family is not None, True, {}
     if layouts or not task.deterministic:

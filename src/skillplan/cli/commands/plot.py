@@ -11,17 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from skillplan.cli.load import load_file, load_result, make_setup, verify_before_showing
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    RESULT_HELP,
-    SOLVER,
-    BackEnds,
-    CommandLimits,
-    ResultReading,
-    Seed,
-    solver_option,
-)
+from skillplan.cli.options.shared import RESULT_HELP
 from skillplan.cli.options.values import (
     Mode,
     check_options,
@@ -60,12 +52,12 @@ class Solving:
 
     solver: Annotated[
         str | None,
-        solver_option(
+        shared.solver_option(
             "Solver whose answer is drawn. Default: the solver of RESULT; for TASK that of the "
             "figure: sarsa for learning, exact for precedence, auto for most."
         ),
     ] = None
-    seed: Seed = 0
+    seed: shared.Seed = 0
     seeds: Annotated[
         int,
         count_option(
@@ -73,7 +65,7 @@ class Solving:
             minimum=1,
             maximum=100,
             text="For learning: number of seeds to average over, starting at --seed.",
-            rich_help_panel=SOLVER,
+            rich_help_panel=shared.SOLVER,
         ),
     ] = 5
 
@@ -82,7 +74,7 @@ States = Annotated[
     str | None,
     option(
         "--states NAMES",
-        OUTPUT,
+        shared.OUTPUT,
         "For q-values: places such as --states C66,C13, or facts that each hold in one state, "
         "such as --states 'held(pcb)'. Default: the first states of the path.",
     ),
@@ -91,7 +83,7 @@ Against = Annotated[
     Literal["steps", "episodes"],
     option(
         "--against AXIS",
-        OUTPUT,
+        shared.OUTPUT,
         "Horizontal axis for a RUN: environment steps, which are equal for all runs, or "
         "episodes, as in the paper.",
         parser=one_of(("steps", "episodes")),
@@ -106,14 +98,18 @@ class FigureFile:
     dpi: Annotated[
         int,
         count_option(
-            "--dpi", minimum=30, maximum=600, text="Dots per inch of a PNG.", rich_help_panel=OUTPUT
+            "--dpi",
+            minimum=30,
+            maximum=600,
+            text="Dots per inch of a PNG.",
+            rich_help_panel=shared.OUTPUT,
         ),
     ] = 150
     out: Annotated[
         str | None,
         option(
             "--out FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "File to write: .png or .svg, .dot for precedence, .gif for exploded (a film). "
             "Default: TASK-FIGURE.png in the current folder, or FIGURE.png and FIGURE.svg in RUN. "
             "An existing file is replaced.",
@@ -147,10 +143,10 @@ def command(
         ),
     ],
     *,
-    reading: ResultReading,
+    reading: shared.ResultReading,
     solving: Solving,
-    back_ends: BackEnds,
-    limits: CommandLimits,
+    back_ends: shared.BackEnds,
+    limits: shared.CommandLimits,
     states: States = None,
     against: Against = "steps",
     file: FigureFile,
@@ -194,10 +190,10 @@ def plot_task(
     ctx: typer.Context,
     path: str,
     figure: str,
-    reading: ResultReading,
+    reading: shared.ResultReading,
     solving: Solving,
-    back_ends: BackEnds,
-    limits: CommandLimits,
+    back_ends: shared.BackEnds,
+    limits: shared.CommandLimits,
     states: States,
     file: FigureFile,
 ) -> int:
@@ -213,10 +209,10 @@ def plot_result(
     ctx: typer.Context,
     path: str,
     figure: str,
-    reading: ResultReading,
+    reading: shared.ResultReading,
     solving: Solving,
-    back_ends: BackEnds,
-    limits: CommandLimits,
+    back_ends: shared.BackEnds,
+    limits: shared.CommandLimits,
     states: States,
     file: FigureFile,
 ) -> int:
@@ -230,7 +226,7 @@ def plot_result(
         for plugin, values in origin.options.items()
         for key, value in values.items()
     ]
-    chosen = BackEnds(origin.physics, ",".join(origin.collision) or None, options)
+    chosen = shared.BackEnds(origin.physics, ",".join(origin.collision) or None, options)
     again = any(is_given(ctx, name) for name in ("solver", "options", "seed"))
     if not again:
         certificate = verify_before_showing(path, reading.task_file, deadline.share_s())
@@ -250,7 +246,7 @@ def plot_result(
 def plot_runs(
     folders: Sequence[str],
     figure: str | None,
-    limits: CommandLimits,
+    limits: shared.CommandLimits,
     against: Against,
     file: FigureFile,
 ) -> int:
@@ -285,7 +281,7 @@ class _Request:
 def _draw(
     problem: Problem,
     part: str | None,
-    back_ends: BackEnds,
+    back_ends: shared.BackEnds,
     requested: _Request,
     kept: LoadedResult | None = None,
 ) -> int:
@@ -361,7 +357,7 @@ def _write_film(pictures: Iterable[Any], frames_per_s: float, path: Path) -> Non
             video.add(picture)
 
 
-def _make_chart_deriver(problem: Problem, part: str | None, back_ends: BackEnds) -> Any:
+def _make_chart_deriver(problem: Problem, part: str | None, back_ends: shared.BackEnds) -> Any:
     """Return a function that derives a precedence chart; None if the task has one of its own.
 
     The detectors of ``--collision`` are queried in any case.
@@ -379,7 +375,7 @@ def _make_chart_deriver(problem: Problem, part: str | None, back_ends: BackEnds)
 
 
 def _solve(
-    run: Any, request: Any, back_ends: BackEnds, stop: Stop, kept: LoadedResult | None
+    run: Any, request: Any, back_ends: shared.BackEnds, stop: Stop, kept: LoadedResult | None
 ) -> Any:
     """Return the result of a run: the stored one if it has the same settings, else a new one."""
     from skillplan.pipeline.chain import solve_chain

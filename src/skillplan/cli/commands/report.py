@@ -6,16 +6,9 @@ from typing import Annotated
 
 import typer
 
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.shared import (
-    BACK_ENDS,
-    OUTPUT,
-    RESULT_HELP,
-    BackEnds,
-    CommandLimits,
-    ResultReading,
-    Seed,
-)
+from skillplan.cli.options.shared import RESULT_HELP
 from skillplan.cli.options.values import option
 
 
@@ -33,17 +26,19 @@ def command(
     *,
     out: Annotated[
         str,
-        option("--out FILE", OUTPUT, "The page, .html; must be a new file.", show_default=False),
+        option(
+            "--out FILE", shared.OUTPUT, "The page, .html; must be a new file.", show_default=False
+        ),
     ],
-    reading: ResultReading,
-    back_ends: BackEnds,
-    seed: Seed = 0,
-    limits: CommandLimits,
+    reading: shared.ResultReading,
+    back_ends: shared.BackEnds,
+    seed: shared.Seed = 0,
+    limits: shared.CommandLimits,
     no_simulation: Annotated[
         bool,
         option(
             "--no-simulation",
-            BACK_ENDS,
+            shared.BACK_ENDS,
             "Do not simulate plans: play the arm along its planned paths, without forces.",
         ),
     ] = False,

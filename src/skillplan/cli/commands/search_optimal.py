@@ -5,21 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated
 
 from skillplan.cli.load import load_file, make_setup, open_cache
-from skillplan.cli.options.shared import (
-    LIMITS,
-    OUTPUT,
-    SOLVER,
-    Audit,
-    BackEnds,
-    Checking,
-    Limits,
-    NoScreening,
-    PartReading,
-    Seed,
-    Style,
-    TaskFile,
-    solver_option,
-)
+from skillplan.cli.options import shared
 from skillplan.cli.options.values import fraction, option, split_names
 from skillplan.errors import OptionError
 
@@ -28,37 +14,37 @@ if TYPE_CHECKING:  # --help pays for no imports
 
 
 def command(
-    task: TaskFile,
-    reading: PartReading,
+    task: shared.TaskFile,
+    reading: shared.PartReading,
     *,
     solver: Annotated[
         str | None,
-        solver_option(
+        shared.solver_option(
             "Solver; for a chain also one for each stage, as heads=monte-carlo,base=sarsa. "
             "Default: the choice of the kind of task, mostly auto, which reports its choice."
         ),
     ] = None,
-    seed: Seed = 0,
+    seed: shared.Seed = 0,
     start: Annotated[
         str | None,
         option(
             "--start RESULT|0,1,...",
-            SOLVER,
+            shared.SOLVER,
             "Start from a known plan: a result.json or its folder, a sequence, or @FILE. It "
             "is replayed on TASK, which may have changed; if it holds, the result costs no "
             "more.",
         ),
     ] = None,
-    back_ends: BackEnds,
-    no_screening: NoScreening = False,
-    checking: Checking,
-    audit: Audit = None,
-    limits: Limits,
+    back_ends: shared.BackEnds,
+    no_screening: shared.NoScreening = False,
+    checking: shared.Checking,
+    audit: shared.Audit = None,
+    limits: shared.Limits,
     gap: Annotated[
         float,
         option(
             "--gap G",
-            LIMITS,
+            shared.LIMITS,
             "Relative gap between cost and lower bound at which the search stops, from 0 to 1.",
             parser=fraction,
         ),
@@ -67,7 +53,7 @@ def command(
         str | None,
         option(
             "--pareto A,B",
-            SOLVER,
+            shared.SOLVER,
             "Prove the Pareto front of two costs: distance, time, or the file's own cost, "
             "wear, energy. --out saves its points and a picture. Takes no --solver, --start, "
             "--gap.",
@@ -77,12 +63,12 @@ def command(
         str | None,
         option(
             "--out DIR",
-            OUTPUT,
+            shared.OUTPUT,
             "Save plan.csv, policies.json (learners only) and result.json to DIR. DIR must "
             "be new or left over from an interrupted search.",
         ),
     ] = None,
-    style: Style = "table",
+    style: shared.Style = "table",
 ) -> int:
     """Find the best sequence of skills for TASK and prove it.
 
@@ -152,11 +138,11 @@ def command(
 
 def _search_front(
     path: str,
-    reading: PartReading,
+    reading: shared.PartReading,
     pareto: str,
-    back_ends: BackEnds,
-    checking: Checking,
-    limits: Limits,
+    back_ends: shared.BackEnds,
+    checking: shared.Checking,
+    limits: shared.Limits,
     out: str | None,
     style: str,
 ) -> int:

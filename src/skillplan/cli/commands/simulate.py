@@ -9,17 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from skillplan.cli.load import load_file, load_result, make_setup
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import engine_names, plugin_options, task_files
-from skillplan.cli.options.shared import (
-    BACK_ENDS,
-    OUTPUT,
-    RESULT_HELP,
-    TASK,
-    BackEnds,
-    CommandLimits,
-    ResultReading,
-    Style,
-)
+from skillplan.cli.options.shared import RESULT_HELP
 from skillplan.cli.options.values import option, positive_number
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -43,13 +35,13 @@ def command(
             show_default=False,
         ),
     ],
-    reading: ResultReading,
-    limits: CommandLimits,
+    reading: shared.ResultReading,
+    limits: shared.CommandLimits,
     sequence: Annotated[
         str | None,
         option(
             "--sequence 0,1,4,...",
-            TASK,
+            shared.TASK,
             "The plan of TASK: action numbers or skill names, separated by commas, or "
             "@FILE with a plan. RESULT contains its own plan.",
         ),
@@ -58,7 +50,7 @@ def command(
         bool,
         option(
             "--keep-going",
-            TASK,
+            shared.TASK,
             "Go on after a part failed: it is taken away, as by hand, and the arm begins the next "
             "skill at the end of this one. Default: the plan ends there.",
         ),
@@ -67,7 +59,7 @@ def command(
         str | None,
         option(
             "--physics NAME",
-            BACK_ENDS,
+            shared.BACK_ENDS,
             "Engine that moves bodies, or auto: pybullet if it is installed, else mujoco. "
             "Default: the task file's choice, or else auto.",
             autocompletion=engine_names,
@@ -77,7 +69,7 @@ def command(
         list[str] | None,
         option(
             "-O KEY=VALUE",
-            BACK_ENDS,
+            shared.BACK_ENDS,
             "Option of the engine, or of the detector that judges contacts, as "
             "PLUGIN.KEY=VALUE; 'skillplan plugins KIND NAME' lists them. May be repeated.",
             autocompletion=plugin_options,
@@ -87,19 +79,24 @@ def command(
         str | None,
         option(
             "--video FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "Film the simulation as .gif or .mp4; an existing file is replaced.",
         ),
     ] = None,
     fps: Annotated[
         float,
-        option("--fps N", OUTPUT, "Pictures per second of the video.", parser=positive_number(50)),
+        option(
+            "--fps N",
+            shared.OUTPUT,
+            "Pictures per second of the video.",
+            parser=positive_number(50),
+        ),
     ] = 12.5,
     speed: Annotated[
         float,
         option(
             "--speed X",
-            OUTPUT,
+            shared.OUTPUT,
             "Simulated seconds per second of the video.",
             parser=positive_number(1000),
         ),
@@ -108,7 +105,7 @@ def command(
         str | None,
         option(
             "--trace FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "Write the poses of hand and bodies as .csv, 60 rows per simulated second; an "
             "existing file is replaced.",
         ),
@@ -117,15 +114,18 @@ def command(
         str | None,
         option(
             "--camera ANGLE",
-            OUTPUT,
+            shared.OUTPUT,
             "View of the film: front, side, top, or AZIMUTH,ELEVATION,DISTANCE in degrees and "
             "m; arm and board are in the picture. Default: from a corner.",
         ),
     ] = None,
     labels: Annotated[
-        bool, option("--labels", OUTPUT, "Show name tags of bodies, feeders and docks in the film.")
+        bool,
+        option(
+            "--labels", shared.OUTPUT, "Show name tags of bodies, feeders and docks in the film."
+        ),
     ] = False,
-    style: Style = "table",
+    style: shared.Style = "table",
 ) -> int:
     """Execute a whole plan of TASK, or the plan of RESULT, in one continuous simulated world.
 
@@ -151,7 +151,7 @@ def command(
     from skillplan.views.video_file import VIDEOS, open_video
 
     deadline = limits.begin(graceful=True)
-    back_ends = BackEnds(physics, None, options or [])
+    back_ends = shared.BackEnds(physics, None, options or [])
     loaded, setup, skills, ways, _, timing = _load(task, sequence, back_ends, reading)
     checkers = introduce(setup.back_ends(loaded))
     engine = performer(checkers, "move")
@@ -233,7 +233,9 @@ class _Notes:
             self._row(sample)
 
 
-def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: ResultReading) -> _Read:
+def _load(
+    path: str, sequence: str | None, back_ends: shared.BackEnds, reading: shared.ResultReading
+) -> _Read:
     """Read task, setup and plan; the engine is the chosen one, the file's, or pybullet."""
     from skillplan.errors import OptionError
     from skillplan.pipeline.exchange import read_given_plan
@@ -247,7 +249,7 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: ResultR
     if not stored and sequence is None:
         raise OptionError("Give the plan by --sequence, or a RESULT in the place of TASK.")
 
-    def read(chosen: BackEnds, *, warn: bool) -> _Read:
+    def read(chosen: shared.BackEnds, *, warn: bool) -> _Read:
         if stored:
             loaded = load_result(path, reading, chosen)
             task, plan = loaded.planned()

@@ -9,18 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from skillplan.cli.load import load_file, make_setup
+from skillplan.cli.options import shared
 from skillplan.cli.options.completion import plugin_names
-from skillplan.cli.options.shared import (
-    BACK_ENDS,
-    OUTPUT,
-    BackEnds,
-    PartReading,
-    Seed,
-    Style,
-    TaskFile,
-    Workers,
-    solver_option,
-)
 from skillplan.cli.options.values import count_option, one_of, option, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -130,7 +120,7 @@ class Output:
         str | None,
         option(
             "--out DIR",
-            OUTPUT,
+            shared.OUTPUT,
             "Write manifest.json, runs.jsonl, sweep.json and starts.csv to a new folder; with "
             "--sampler trials.jsonl, sweep.json and starts.csv, also to a folder of the same "
             "study.",
@@ -140,7 +130,7 @@ class Output:
         bool,
         option(
             "--resume",
-            OUTPUT,
+            shared.OUTPUT,
             "Continue the study in the folder of --out; always on with --sampler.",
         ),
     ] = False
@@ -148,27 +138,27 @@ class Output:
         str | None,
         option(
             "--plot FILE",
-            OUTPUT,
+            shared.OUTPUT,
             "Also draw a figure with a panel per varied option, as .png or .svg.",
         ),
     ] = None
 
 
 def command(
-    task: TaskFile,
-    reading: PartReading,
+    task: shared.TaskFile,
+    reading: shared.PartReading,
     study: Study,
     sampling: Sampling,
     *,
-    solver: Annotated[str, solver_option("Solver to study.")] = "sarsa",
-    seed: Seed = 0,
-    workers: Workers,
-    back_ends: BackEnds,
+    solver: Annotated[str, shared.solver_option("Solver to study.")] = "sarsa",
+    seed: shared.Seed = 0,
+    workers: shared.Workers,
+    back_ends: shared.BackEnds,
     warm: Annotated[
-        bool, option("--warm", BACK_ENDS, "Let runs use verdicts stored on disk.")
+        bool, option("--warm", shared.BACK_ENDS, "Let runs use verdicts stored on disk.")
     ] = False,
     output: Output,
-    style: Style = "table",
+    style: shared.Style = "table",
 ) -> int:
     """Study the options of a solver on TASK: several values, seeds and starts.
 

@@ -8,20 +8,7 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.load import load_file, make_setup
-from skillplan.cli.options.shared import (
-    LIMITS,
-    OUTPUT,
-    BackEnds,
-    Caching,
-    CommandLimits,
-    MaybeTaskFile,
-    NoScreening,
-    PartReading,
-    Seed,
-    Style,
-    Workers,
-    solver_option,
-)
+from skillplan.cli.options import shared
 from skillplan.cli.options.values import (
     Mode,
     check_options,
@@ -110,9 +97,9 @@ class Amount:
 
 def command(
     ctx: typer.Context,
-    task: MaybeTaskFile = None,
+    task: shared.MaybeTaskFile = None,
     *,
-    reading: PartReading,
+    reading: shared.PartReading,
     amount: Amount,
     family: Annotated[
         str | None,
@@ -128,7 +115,7 @@ def command(
     ] = None,
     solver: Annotated[
         str,
-        solver_option(
+        shared.solver_option(
             "Learner to train: dqn or ppo (skillplan-torch), or learned-model, which needs no "
             "network."
         ),
@@ -143,17 +130,17 @@ def command(
             "nearer to their results. 'skillplan plugins solver NAME' lists presets.",
         ),
     ] = None,
-    seed: Seed = 0,
-    workers: Workers,
-    back_ends: BackEnds,
-    caching: Caching,
-    no_screening: NoScreening = False,
-    limits: CommandLimits,
+    seed: shared.Seed = 0,
+    workers: shared.Workers,
+    back_ends: shared.BackEnds,
+    caching: shared.Caching,
+    no_screening: shared.NoScreening = False,
+    limits: shared.CommandLimits,
     proof_time_limit_s: Annotated[
         float,
         option(
             "--proof-time-limit S",
-            LIMITS,
+            shared.LIMITS,
             "Stop proving the optimum after S seconds.",
             parser=positive_seconds,
         ),
@@ -162,7 +149,7 @@ def command(
         str | None,
         option(
             "--out DIR",
-            OUTPUT,
+            shared.OUTPUT,
             "Folder of the runs; must be new or empty. Default: the first of "
             "runs/TASK-SOLVER-1, -2, ... that does not exist.",
         ),
@@ -171,12 +158,12 @@ def command(
         bool,
         option(
             "--resume",
-            OUTPUT,
+            shared.OUTPUT,
             "Continue the training in the folder of --out. A larger --steps extends it; "
             "schedules, such as that of exploration, stay at their final values.",
         ),
     ] = False,
-    style: Style = "table",
+    style: shared.Style = "table",
 ) -> int:
     """Train a learner on TASK with several seeds and compare the runs with the proved optimum.
 
@@ -236,9 +223,9 @@ def train_on_boards(
     solver: str,
     options: list[str],
     seed: int,
-    limits: CommandLimits,
+    limits: shared.CommandLimits,
     out: str | None,
-    style: Style,
+    style: shared.Style,
 ) -> int:
     """Train one policy on random boards."""
     from skillplan.cli.options.values import parse_options

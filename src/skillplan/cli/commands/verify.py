@@ -6,14 +6,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.options.shared import (
-    BACK_ENDS,
-    OUTPUT,
-    Style,
-    memory_limit_option,
-    task_option,
-    time_limit_option,
-)
+from skillplan.cli.options import shared
 from skillplan.cli.options.values import option
 
 
@@ -29,7 +22,7 @@ def command(
     *,
     task_file: Annotated[
         str | None,
-        task_option(
+        shared.task_option(
             "Task file. Default: as RESULT names it, in the current folder or the folder of RESULT."
         ),
     ] = None,
@@ -37,22 +30,22 @@ def command(
         bool,
         option(
             "--warm",
-            BACK_ENDS,
+            shared.BACK_ENDS,
             "Use verdicts kept on disk instead of querying back ends again. The verification "
             "then trusts these verdicts.",
         ),
     ] = False,
     time_limit_s: Annotated[
-        float, time_limit_option("Skip proofs that would exceed S seconds in total.")
+        float, shared.time_limit_option("Skip proofs that would exceed S seconds in total.")
     ] = 60.0,
     memory_limit_bytes: Annotated[
-        int | None, memory_limit_option("Skip proofs that would exceed this memory in total")
+        int | None, shared.memory_limit_option("Skip proofs that would exceed this memory in total")
     ] = None,
     referee: Annotated[
         str | None,
         option(
             "--with REFEREE",
-            BACK_ENDS,
+            shared.BACK_ENDS,
             "Check the claims about all plans with another planner, too: fast-downward, "
             "which gets only PDDL (needs the extra planner). If its proof contradicts the "
             "result, the exit code is 3.",
@@ -62,12 +55,12 @@ def command(
         bool,
         option(
             "--verbose",
-            OUTPUT,
+            shared.OUTPUT,
             "Show all claims with the method of each check, the back ends with their "
             "options, and what could not be checked.",
         ),
     ] = False,
-    style: Style = "table",
+    style: shared.Style = "table",
 ) -> int:
     """Check the claims of RESULT independently of the solver that made it.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skillplan.cli.writing import tell
 from skillplan.solvers.kernels import on_compilation
@@ -76,7 +76,8 @@ def _draw_picture() -> None:
     task = _make_board({})
     skill = next(skill for skill in task.skills if skill.applicable(task.initial))
     for name in registry.names("physics"):
-        if issubclass(engine := registry.load("physics", name), Performer):
+        engine: Any = registry.load("physics", name)
+        if issubclass(engine, Performer):
             engine(task).picture(skill, task.initial)
             return
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,10 +14,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.env.observation import Observation
-from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import format_document, read_checked
-from skillplan.files.safetensors_file import read_safetensors
+from skillplan.files.safetensors_file import build_from_weights
 from skillplan.records import schemas
 from skillplan.solvers.learning.network_policy import ActionRule, NetworkPolicy
 from skillplan.task.task import Task
@@ -170,31 +171,21 @@ def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
     checked = read_checked(
         path, schemas.NETWORK_POLICY, NetworkPolicyContent, _REMEDY, within=within
     )
-    weights = path.with_suffix(".safetensors")
-    try:
-        data, _ = read_safetensors(weights, _MOST_BYTES, within=within)
-    except OSError as error:
-        raise OptionError(f"{weights}: cannot be read: {error.strerror}. {_REMEDY}.") from None
-    except ValueError as error:
-        raise OptionError(f"{weights}: is damaged: {error}. {_REMEDY}.") from None
-    if hashlib.sha256(data).hexdigest() != checked.sha256:
-        raise OptionError(f"{weights}: is damaged: its hash is not the one in {path}. {_REMEDY}.")
-    try:
-        network = _load_network(data, checked)
-    except (ValueError, KeyError) as error:
-        reason = f"has no {error}" if isinstance(error, KeyError) else str(error).rstrip(".")
-        raise OptionError(f"{weights}: is damaged: {reason}. {_REMEDY}.") from None
+    network = build_from_weights(
+        path.with_suffix(".safetensors"),
+        _MOST_BYTES,
+        checked.sha256,
+        partial(_build_network, checked),
+        document=path,
+        remedy=_REMEDY,
+        within=within,
+    )
     return StoredNetwork(network, checked)
 
 
-def _load_network(data: bytes, content: NetworkPolicyContent) -> NetworkPolicy:
-    from safetensors import SafetensorError
-    from safetensors.numpy import load
-
-    try:
-        arrays = load(data)
-    except SafetensorError as error:
-        raise ValueError(str(error)) from None
+def _build_network(
+    content: NetworkPolicyContent, arrays: Mapping[str, NDArray[Any]]
+) -> NetworkPolicy:
     indices = range(len(content.layers))
     if len(arrays) != 2 * len(content.layers):
         raise ValueError(f"it holds {len(arrays)} arrays, not {2 * len(content.layers)}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import format_document, read_checked
-from skillplan.files.safetensors_file import read_safetensors
+from skillplan.files.safetensors_file import build_from_weights
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import RELATIONAL
 from skillplan.solvers.learning.family_learner import FamilyLearner, FamilyPolicy
@@ -127,7 +128,7 @@ def read_relational(
     PluginError
         If the solver that learned the policy is missing or broken.
     """
-    path, weights = folder / RELATIONAL, folder / WEIGHTS
+    path = folder / RELATIONAL
     content = read_checked(
         path, schemas.RELATIONAL_POLICY, RelationalContent, _REMEDY, within=folder
     )
@@ -135,26 +136,13 @@ def read_relational(
     features = (list(plugin.element_features), list(plugin.pair_features))
     if features != (content.element_features, content.pair_features):
         raise OptionError(f"{path}: has other features than this skillplan. {_REMEDY}.")
-    try:
-        data, _ = read_safetensors(weights, _MOST_BYTES, within=folder)
-    except OSError as error:
-        raise OptionError(f"{weights}: cannot be read: {error.strerror}. {_REMEDY}.") from None
-    except ValueError as error:
-        raise OptionError(f"{weights}: is damaged: {error}. {_REMEDY}.") from None
-    if hashlib.sha256(data).hexdigest() != content.sha256:
-        raise OptionError(f"{weights}: is damaged: its hash is not the one in {path}. {_REMEDY}.")
-    try:
-        policy = _load_policy(data, content.size, plugin)
-    except ValueError as error:
-        raise OptionError(f"{weights}: is damaged: {str(error).rstrip('.')}. {_REMEDY}.") from None
+    policy = build_from_weights(
+        folder / WEIGHTS,
+        _MOST_BYTES,
+        content.sha256,
+        partial(plugin.build, content.size.model_dump()),
+        document=path,
+        remedy=_REMEDY,
+        within=folder,
+    )
     return StoredRelational(policy, content)
-
-
-def _load_policy(data: bytes, size: StoredSize, plugin: type[FamilyPolicy]) -> FamilyPolicy:
-    from safetensors import SafetensorError
-    from safetensors.numpy import load
-
-    try:
-        return plugin.build(size.model_dump(), load(data))
-    except SafetensorError as error:
-        raise ValueError(str(error)) from None

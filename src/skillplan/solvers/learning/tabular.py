@@ -31,7 +31,6 @@ from skillplan.solvers.learning.episode_kernels import (
     UNTRIED,
     Progress,
     Schedule,
-    Tables,
 )
 from skillplan.solvers.learning.sampled_table import SampledTable
 from skillplan.solvers.solution import Plan, Policy, Solution
@@ -159,17 +158,8 @@ class EpisodicSolver(Solver):
     off_policy: ClassVar[bool] = False
 
     @abstractmethod
-    def run_episodes(
-        self,
-        tables: Tables,
-        schedule: Schedule,
-        previous: int,
-        progress: Progress,
-        lengths: Lengths,
-        *,
-        exploring: bool,
-    ) -> int:
-        """Run episodes; arguments and result as for `episode_kernels.monte_carlo_episodes`."""
+    def run_episodes(self, run: _Run, lengths: Lengths) -> int:
+        """Run episodes; lengths and result as for `episode_kernels.td_episodes`."""
 
     def derived(self, tasks: Sequence[Task]) -> dict[str, Any]:
         """Return the values of options that are null, derived from the task.
@@ -227,13 +217,10 @@ class EpisodicSolver(Solver):
 
     def _advance(self, run: _Run, episodes: int) -> None:
         """Run at most `episodes` episodes, and sample the actions that they take first."""
-        exploring = run.options.starts == "exploring"
         lengths = np.zeros(min(episodes, run.left), dtype=np.int64)
         run.progress.cursor[EPISODE] = 0
         while True:
-            row = self.run_episodes(
-                run.table.tables, run.schedule, run.done, run.progress, lengths, exploring=exploring
-            )
+            row = self.run_episodes(run, lengths)
             if row == UNTRIED or self.stop() or run.is_full:
                 break
             begin_s = time.perf_counter()
@@ -288,6 +275,12 @@ class _Run:
     def goes_on(self) -> bool:
         """True if another episode can begin."""
         return not self.is_finished and not self.is_full
+
+    def learn_by(self, rule: int, lengths: Lengths) -> int:
+        """Run episodes with a rule of temporal differences; see `episode_kernels.td_episodes`."""
+        return episode_kernels.td_episodes(
+            self.table.tables, self.schedule, rule, self.done, self.progress, lengths
+        )
 
     def add_lengths(self, lengths: Lengths) -> None:
         """Count episodes that have ended, by their steps."""
@@ -417,19 +410,9 @@ class SarsaSolver(EpisodicSolver):
 
     options: Options
 
-    def run_episodes(
-        self,
-        tables: Tables,
-        schedule: Schedule,
-        previous: int,
-        progress: Progress,
-        lengths: Lengths,
-        *,
-        exploring: bool,
-    ) -> int:
+    def run_episodes(self, run: _Run, lengths: Lengths) -> int:
         """Run episodes with the target r + gamma Q(s', a') of the next action taken."""
-        rule = EXPECTED_SARSA if self.options.expected else SARSA
-        return episode_kernels.td_episodes(tables, schedule, rule, previous, progress, lengths)
+        return run.learn_by(EXPECTED_SARSA if self.options.expected else SARSA, lengths)
 
 
 class QLearningSolver(EpisodicSolver):
@@ -445,20 +428,9 @@ class QLearningSolver(EpisodicSolver):
 
     options: Options
 
-    def run_episodes(
-        self,
-        tables: Tables,
-        schedule: Schedule,
-        previous: int,
-        progress: Progress,
-        lengths: Lengths,
-        *,
-        exploring: bool,
-    ) -> int:
+    def run_episodes(self, run: _Run, lengths: Lengths) -> int:
         """Run episodes with the target r + gamma max Q(s', a) over the next actions."""
-        return episode_kernels.td_episodes(
-            tables, schedule, Q_LEARNING, previous, progress, lengths
-        )
+        return run.learn_by(Q_LEARNING, lengths)
 
 
 class MonteCarloSolver(EpisodicSolver):
@@ -495,19 +467,11 @@ class MonteCarloSolver(EpisodicSolver):
 
     options: Options
 
-    def run_episodes(
-        self,
-        tables: Tables,
-        schedule: Schedule,
-        previous: int,
-        progress: Progress,
-        lengths: Lengths,
-        *,
-        exploring: bool,
-    ) -> int:
+    def run_episodes(self, run: _Run, lengths: Lengths) -> int:
         """Run episodes, each followed by updates towards the returns after first visits."""
+        exploring = run.options.starts == "exploring"
         return episode_kernels.monte_carlo_episodes(
-            tables, schedule, exploring, previous, progress, lengths
+            run.table.tables, run.schedule, exploring, run.done, run.progress, lengths
         )
 
 

@@ -8,17 +8,7 @@ from itertools import pairwise
 from matplotlib.figure import Figure
 
 from skillplan.records.front import Front
-from skillplan.views.figures.figure_style import (
-    BLUE,
-    FAINT,
-    INK,
-    PAPER,
-    SMALL_PT,
-    Heading,
-    add_axes_in,
-    create_sheet,
-    in_house_style,
-)
+from skillplan.views.figures import figure_style as style
 
 _LEFT_IN, _WIDE_IN, _RIGHT_IN = 0.8, 5.4, 0.3
 _TALL_IN, _BOTTOM_IN = 3.4, 0.6
@@ -26,9 +16,9 @@ _TALL_IN, _BOTTOM_IN = 3.4, 0.6
 _MARGIN, _LONE_MARGIN = 0.15, 0.02
 
 
-@in_house_style
+@style.in_house_style
 def draw_front(
-    points: Sequence[tuple[float, float, bool]], labels: tuple[str, str], heading: Heading
+    points: Sequence[tuple[float, float, bool]], labels: tuple[str, str], heading: style.Heading
 ) -> Figure:
     """Draw the plans of a front, numbered in the order of the table.
 
@@ -41,8 +31,8 @@ def draw_front(
     """
     width_in = _LEFT_IN + _WIDE_IN + _RIGHT_IN
     height_in = heading.height_in(width_in - 0.4) + 0.1 + _TALL_IN + _BOTTOM_IN
-    figure = create_sheet(width_in, height_in, heading)
-    axes = add_axes_in(figure, _LEFT_IN, _BOTTOM_IN, _WIDE_IN, _TALL_IN)
+    figure = style.create_sheet(width_in, height_in, heading)
+    axes = style.add_axes_in(figure, _LEFT_IN, _BOTTOM_IN, _WIDE_IN, _TALL_IN)
     (left, right), (low, high) = (_find_limits([p[i] for p in points]) for i in (0, 1))
     axes.set_xlim(left, right)
     axes.set_ylim(low, high)
@@ -53,18 +43,18 @@ def draw_front(
             steps += [(after[0], before[1]), (after[0], after[1])]
         steps.append((right, points[-1][1]))
         xs, ys = zip(*steps, strict=True)
-        axes.fill_between(xs, ys, high, color=BLUE, alpha=0.08, linewidth=0)
-        axes.plot(xs, ys, color=FAINT, linewidth=1.2)
+        axes.fill_between(xs, ys, high, color=style.BLUE, alpha=0.08, linewidth=0)
+        axes.plot(xs, ys, color=style.FAINT, linewidth=1.2)
     for number, (first, second, proved) in enumerate(points, start=1):
-        face = BLUE if proved else PAPER
-        axes.plot([first], [second], "o", color=BLUE, markerfacecolor=face, markersize=7)
+        face = style.BLUE if proved else style.PAPER
+        axes.plot([first], [second], "o", color=style.BLUE, markerfacecolor=face, markersize=7)
         axes.annotate(
             str(number),
             (first, second),
             xytext=(6, 5),
             textcoords="offset points",
-            size=SMALL_PT,
-            color=INK,
+            size=style.SMALL_PT,
+            color=style.INK,
         )
     axes.set_xlabel(labels[0])
     axes.set_ylabel(labels[1])
@@ -80,7 +70,7 @@ def draw_front_of(front: Front) -> Figure:
         for name, metric in zip(front.names, front.metrics, strict=True)
     ]
     details = f"{len(front.points)} points, proved by {', '.join(front.proved_by)}"
-    heading = Heading(f"{front.task}: Pareto front", details)
+    heading = style.Heading(f"{front.task}: Pareto front", details)
     points = [(*point.costs, point.proved) for point in front.points]
     return draw_front(points, (labels[0], labels[1]), heading)
 

@@ -20,24 +20,15 @@ from PIL import Image as PillowImage
 from skillplan.collision.hulls import Hull, HullRole, HullScene
 from skillplan.physics.performance import Image
 from skillplan.task.motion import Point
+from skillplan.views.figures import figure_style as style
 from skillplan.views.figures.figure_file import render_figure
-from skillplan.views.figures.figure_style import (
-    BLUE,
-    GREY,
-    INK,
-    RED,
-    SMALL_PT,
-    Heading,
-    create_sheet,
-    in_house_style,
-)
 
 _WIDE_IN, _TALL_IN, _LEGEND_IN = 7.6, 5.8, 0.7
 _ELEVATION_DEG, _AZIMUTH_DEG = 26.0, -62.0
 _LOOKS = {
-    HullRole.MOVING: (BLUE, 0.16, "swept by hand, load and arm"),
-    HullRole.STANDING: (GREY, 0.45, "stands there"),
-    HullRole.MET: (RED, 0.75, "named by the verdict"),
+    HullRole.MOVING: (style.BLUE, 0.16, "swept by hand, load and arm"),
+    HullRole.STANDING: (style.GREY, 0.45, "stands there"),
+    HullRole.MET: (style.RED, 0.75, "named by the verdict"),
 }
 # Loss of brightness of faces that look away from the light.
 _SHADE = 0.45
@@ -54,8 +45,8 @@ _IN_FRONT = 10_000
 _LETTER, _LINE = 0.6, 1.15
 
 
-@in_house_style
-def draw_hulls(scene: HullScene, heading: Heading) -> Figure:
+@style.in_house_style
+def draw_hulls(scene: HullScene, heading: style.Heading) -> Figure:
     """Draw the hulls of a swept motion and of bodies near it.
 
     Names are shown for the bodies that an infeasible verdict blames, or else for all bodies that
@@ -75,7 +66,7 @@ def draw_hulls(scene: HullScene, heading: Heading) -> Figure:
         raise ValueError("No hull to draw.")
     head_in = heading.height_in(_WIDE_IN - 0.4)
     height_in = head_in + _TALL_IN + _LEGEND_IN
-    figure = create_sheet(_WIDE_IN, height_in, heading)
+    figure = style.create_sheet(_WIDE_IN, height_in, heading)
     place = (0.02, _LEGEND_IN / height_in, 0.96, _TALL_IN / height_in)
     axes = figure.add_axes(place, projection="3d")
     assert isinstance(axes, Axes3D)
@@ -89,7 +80,7 @@ def draw_hulls(scene: HullScene, heading: Heading) -> Figure:
             y,
             z,
             "*",
-            color=INK,
+            color=style.INK,
             markerfacecolor="#ffffff",
             markersize=13,
             gid="touches",
@@ -155,17 +146,17 @@ def _write_names(axes: Axes3D, hulls: Sequence[Hull], subjects: Set[str]) -> Non
     for body, above in _list_named(hulls, subjects):
         x, y, _ = proj3d.proj_transform(*above, axes.get_proj())
         across, up = (points * float(at) for at in axes.transData.transform((x, y)))
-        half, lifted = _LETTER * SMALL_PT * len(body) / 2, up
+        half, lifted = _LETTER * style.SMALL_PT * len(body) / 2, up
         for other, height, wide in sorted(written, key=itemgetter(1)):
-            if abs(across - other) < half + wide and abs(lifted - height) < _LINE * SMALL_PT:
-                lifted = height + _LINE * SMALL_PT
+            if abs(across - other) < half + wide and abs(lifted - height) < _LINE * style.SMALL_PT:
+                lifted = height + _LINE * style.SMALL_PT
         written.append((across, lifted, half))
         axes.annotate(
             body,
             (x, y),
             (0.0, lifted - up),
             textcoords="offset points",
-            size=SMALL_PT,
+            size=style.SMALL_PT,
             ha="center",
             va="bottom",
             zorder=_IN_FRONT,
@@ -198,7 +189,7 @@ def _lay_out(axes: Axes3D, hulls: Sequence[Hull]) -> None:
     axes.set_box_aspect(high - low)
     axes.view_init(_ELEVATION_DEG, _AZIMUTH_DEG)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    axes.tick_params(labelsize=SMALL_PT - 1)
+    axes.tick_params(labelsize=style.SMALL_PT - 1)
     for axis, extent_m in zip((axes.xaxis, axes.yaxis, axes.zaxis), high - low, strict=True):
         axis.set_major_locator(MaxNLocator(max(1, round(_MOST_TICKS * extent_m / max(high - low)))))
 

@@ -16,19 +16,8 @@ from numpy.typing import NDArray
 
 from skillplan.records.result import Result
 from skillplan.task.task import Task
+from skillplan.views.figures import figure_style as style
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import (
-    BLUE,
-    INK,
-    RED,
-    SMALL_PT,
-    Heading,
-    add_axes_in,
-    create_sheet,
-    fit_legend,
-    in_house_style,
-    label_log_axis,
-)
 
 SOLVER = "sarsa"
 SETS: Mapping[str, Mapping[str, str]] = {
@@ -41,7 +30,7 @@ _GREEK = {
     "alpha": "\N{GREEK SMALL LETTER ALPHA}",
     "epsilon": "\N{GREEK SMALL LETTER EPSILON}",
 }
-_COLOURS, _DASHES = (BLUE, RED), ("-", (0, (5, 1.5)))
+_COLOURS, _DASHES = (style.BLUE, style.RED), ("-", (0, (5, 1.5)))
 _POINTS = 10_000
 _BINS = 48
 _PANELS = 2
@@ -119,8 +108,8 @@ class LearningPanel:
             raise ValueError(f"A panel shows 1 to {len(_COLOURS)} curves, not {len(self.curves)}.")
 
 
-@in_house_style
-def draw_learning(panels: Sequence[LearningPanel], heading: Heading) -> Figure:
+@style.in_house_style
+def draw_learning(panels: Sequence[LearningPanel], heading: style.Heading) -> Figure:
     """Draw learning curves on logarithmic axes: mean and range of all runs.
 
     Parameters
@@ -140,14 +129,14 @@ def draw_learning(panels: Sequence[LearningPanel], heading: Heading) -> Figure:
     labels = [curve.label for curve in panels[0].curves]
     if any(panel.fewest is not None for panel in panels):
         labels.append("fewest, mean over all starts")
-    columns, legend_in = fit_legend(labels, width_in - 0.9)
+    columns, legend_in = style.fit_legend(labels, width_in - 0.9)
     head_in = heading.height_in(width_in - 0.4)
     bottom_in = 0.6 + legend_in
-    figure = create_sheet(width_in, head_in + 0.35 + tall_in + bottom_in, heading)
+    figure = style.create_sheet(width_in, head_in + 0.35 + tall_in + bottom_in, heading)
     first: Axes | None = None
     for number, panel in enumerate(panels):
         place = left_in + number * (wide_in + gap_in)
-        axes = add_axes_in(figure, place, bottom_in, wide_in, tall_in)
+        axes = style.add_axes_in(figure, place, bottom_in, wide_in, tall_in)
         if first is None:
             first = axes
             axes.set_ylabel("steps of an episode [-]")
@@ -179,7 +168,7 @@ def _draw_panel(axes: Axes, panel: LearningPanel) -> None:
     if panel.fewest is not None:
         axes.axhline(
             panel.fewest,
-            color=INK,
+            color=style.INK,
             linewidth=1.0,
             linestyle=":",
             label="fewest, mean over all starts",
@@ -187,11 +176,11 @@ def _draw_panel(axes: Axes, panel: LearningPanel) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        label_log_axis(axis)
+        style.label_log_axis(axis)
     axes.grid(which="major")
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("episode [-]")
-    axes.set_title(panel.title, loc="left", size=SMALL_PT + 1.5)
+    axes.set_title(panel.title, loc="left", size=style.SMALL_PT + 1.5)
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
@@ -247,7 +236,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     repetitions = "1 run" if request.seeds == 1 else f"mean and range of {request.seeds} runs"
     starts = {outcome.result.trace.get("starts", "exploring") for outcome in outcomes}
     begin = "anywhere" if starts == {"exploring"} else "at the task's start"
-    heading = Heading(
+    heading = style.Heading(
         f"Learning curves of {request.solver} on {request.problem.name}",
         f"{request.details(*(outcome.run for outcome in outcomes))},  {repetitions} a set,  "
         f"episodes begin {begin}",

@@ -14,40 +14,22 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, PathPatch, Polygon
 from matplotlib.path import Path
 
-from skillplan.views.figures.figure_style import (
-    BLUE,
-    FAINT,
-    GREEN,
-    GREY,
-    INK,
-    MUTED,
-    OLIVE,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    RED,
-    SKY,
-    Heading,
-    apply_house_style,
-    in_house_style,
-    measure_text_in,
-    write_heading,
-)
+from skillplan.views.figures import figure_style as style
 from skillplan.views.figures.solids import Bytes, Point
 
 COLOURS: Mapping[str, str] = {
-    "ink": INK,
-    "muted": MUTED,
-    "faint": FAINT,
-    "paper": PAPER,
-    "blue": BLUE,
-    "orange": ORANGE,
-    "green": GREEN,
-    "red": RED,
-    "purple": PURPLE,
-    "sky": SKY,
-    "olive": OLIVE,
-    "grey": GREY,
+    "ink": style.INK,
+    "muted": style.MUTED,
+    "faint": style.FAINT,
+    "paper": style.PAPER,
+    "blue": style.BLUE,
+    "orange": style.ORANGE,
+    "green": style.GREEN,
+    "red": style.RED,
+    "purple": style.PURPLE,
+    "sky": style.SKY,
+    "olive": style.OLIVE,
+    "grey": style.GREY,
     # Farthest from the others and from each other in OKLab, also with red or green missing.
     "indigo": "#330099",
     "violet": "#7700ff",
@@ -118,7 +100,7 @@ class Picture:
         self.notes: dict[str, Note] = {}
         self.cursor: tuple[float, float, float, float] | None = None
         self.figure = Figure(
-            figsize=(width_px / PIXELS_PER_IN, height_px / PIXELS_PER_IN), facecolor=PAPER
+            figsize=(width_px / PIXELS_PER_IN, height_px / PIXELS_PER_IN), facecolor=style.PAPER
         )
         self._axes = self.figure.add_axes((0, 0, 1, 1))
         self._axes.set_axis_off()
@@ -253,7 +235,7 @@ class Picture:
         halo
             True for a patch of paper behind the text.
         """
-        patch = {"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
+        patch = {"facecolor": style.PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
         self._axes.text(
             *at,
             text,
@@ -272,7 +254,7 @@ class Picture:
         extent = (0.0, self.width_px, self.height_px, 0.0)
         self._axes.imshow(pixels, extent=extent, aspect="auto", zorder=self._next_order())
 
-    def with_heading(self, heading: Heading) -> Figure:
+    def with_heading(self, heading: style.Heading) -> Figure:
         """Return the picture as a figure below a heading; the picture is used up."""
         return _put_below(self.figure, heading)
 
@@ -280,7 +262,7 @@ class Picture:
         """Return the picture as pixels, shape (h, w, 4)."""
         self.figure.set_dpi(PIXELS_PER_IN * scale)
         canvas: Any = FigureCanvasAgg(self.figure)
-        with apply_house_style():
+        with style.apply_house_style():
             canvas.draw()
         return np.array(canvas.buffer_rgba())
 
@@ -313,8 +295,8 @@ class Picture:
         return self._order
 
 
-@in_house_style
-def _put_below(figure: Figure, heading: Heading) -> Figure:
+@style.in_house_style
+def _put_below(figure: Figure, heading: style.Heading) -> Figure:
     margin_in = 0.2
     wide_in, tall_in = figure.get_size_inches()
     width_in = wide_in + 2 * margin_in
@@ -323,13 +305,13 @@ def _put_below(figure: Figure, heading: Heading) -> Figure:
     figure.axes[0].set_position(
         (margin_in / width_in, margin_in / height_in, wide_in / width_in, tall_in / height_in)
     )
-    write_heading(figure, heading)
+    style.write_heading(figure, heading)
     return figure
 
 
 def measure_text_px(text: str, size_px: float = TEXT_PX) -> float:
     """Return the width of a text [px]."""
-    return PIXELS_PER_IN * measure_text_in(text, size_px * _PT_PER_PX)
+    return PIXELS_PER_IN * style.measure_text_in(text, size_px * _PT_PER_PX)
 
 
 def shorten(text: str, width_px: float, size_px: float = TEXT_PX) -> str:

@@ -12,17 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from skillplan.records.training.method_comparison import MethodComparison
-from skillplan.views.figures.figure_style import (
-    INK,
-    MUTED,
-    PALETTE,
-    SMALL_PT,
-    Heading,
-    add_axes_in,
-    create_sheet,
-    fit_legend,
-    in_house_style,
-)
+from skillplan.views.figures import figure_style as style
 
 _LEFT_IN, _WIDE_IN, _RIGHT_IN, _TALL_IN = 0.75, 6.4, 0.35, 3.2
 _ROW_IN = 0.3
@@ -32,8 +22,8 @@ _POINTS = 601
 _LEAST = 0.9
 
 
-@in_house_style
-def draw_profile(comparison: MethodComparison, heading: Heading) -> Figure:
+@style.in_house_style
+def draw_profile(comparison: MethodComparison, heading: style.Heading) -> Figure:
     """Draw the share of runs above each score, and below it the probabilities of improvement."""
     labels = [
         f"{method.name}, {method.runs} runs{', deterministic' if method.deterministic else ''}"
@@ -41,18 +31,18 @@ def draw_profile(comparison: MethodComparison, heading: Heading) -> Figure:
     ]
     pairs = comparison.improvements
     width_in = _LEFT_IN + _WIDE_IN + _RIGHT_IN
-    columns, legend_in = fit_legend(labels, width_in - 0.5)
+    columns, legend_in = style.fit_legend(labels, width_in - 0.5)
     pairs_in = 0.75 + _ROW_IN * len(pairs) if pairs else 0.0
     bottom_in = 0.55 + legend_in + pairs_in
     height_in = heading.height_in(width_in - 0.4) + 0.1 + _TALL_IN + bottom_in
-    figure = create_sheet(width_in, height_in, heading)
-    axes = add_axes_in(figure, _LEFT_IN, bottom_in, _WIDE_IN, _TALL_IN)
+    figure = style.create_sheet(width_in, height_in, heading)
+    axes = style.add_axes_in(figure, _LEFT_IN, bottom_in, _WIDE_IN, _TALL_IN)
     scores = [score for method in comparison.methods for runs in method.scores for score in runs]
     lowest = min((score for score in scores if score > 0), default=0.0)
     first = min(_LEAST, np.floor(lowest * 10) / 10)
     taus = np.linspace(first, 1.0, _POINTS)
     for place, (method, label) in enumerate(zip(comparison.methods, labels, strict=True)):
-        colour = PALETTE[place % len(PALETTE)]
+        colour = style.PALETTE[place % len(style.PALETTE)]
         profile = method.profile(tuple(taus.tolist()))
         if profile.low is not None and profile.high is not None:
             low, high = 100 * np.array(profile.low), 100 * np.array(profile.high)
@@ -87,13 +77,13 @@ def _draw_improvements(figure: Figure, comparison: MethodComparison, legend_in: 
     """Draw a row for every pair: the probability and its interval."""
     pairs = comparison.improvements
     names_in = 2.6
-    axes = add_axes_in(
+    axes = style.add_axes_in(
         figure, _LEFT_IN + names_in, 0.55 + legend_in, _WIDE_IN - names_in, _ROW_IN * len(pairs)
     )
     for row, (first, second, estimate) in enumerate(pairs):
         if estimate.low is not None and estimate.high is not None:
-            axes.plot([estimate.low, estimate.high], [row, row], color=MUTED, linewidth=3)
-        axes.plot([estimate.value], [row], "o", color=INK, markersize=5)
+            axes.plot([estimate.low, estimate.high], [row, row], color=style.MUTED, linewidth=3)
+        axes.plot([estimate.value], [row], "o", color=style.INK, markersize=5)
         axes.annotate(
             f"P({first.name} > {second.name})  {estimate.value:.2f}",
             (0.0, row),
@@ -102,10 +92,10 @@ def _draw_improvements(figure: Figure, comparison: MethodComparison, legend_in: 
             textcoords="offset points",
             ha="right",
             va="center",
-            size=SMALL_PT,
-            color=INK,
+            size=style.SMALL_PT,
+            color=style.INK,
         )
-    axes.axvline(0.5, color=MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
+    axes.axvline(0.5, color=style.MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
     axes.set_xlim(-0.02, 1.02)
     axes.set_ylim(len(pairs) - 0.5, -0.5)
     axes.set_yticks([])

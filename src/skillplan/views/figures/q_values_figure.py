@@ -15,17 +15,8 @@ from matplotlib.ticker import FuncFormatter
 
 from skillplan.errors import name_hint
 from skillplan.task.task import Task
+from skillplan.views.figures import figure_style as style
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import (
-    FAINT,
-    PALETTE,
-    SMALL_PT,
-    Heading,
-    add_axes_in,
-    create_sheet,
-    in_house_style,
-    measure_text_in,
-)
 
 SOLVER = "sarsa"
 _POINTS = 400
@@ -63,11 +54,11 @@ class StateValues:
         return max(self.values, key=lambda action: self.values[action][-1])
 
 
-@in_house_style
+@style.in_house_style
 def draw_q_values(
     episodes: Sequence[int],
     states: Sequence[StateValues],
-    heading: Heading,
+    heading: style.Heading,
     *,
     order: Sequence[str] = (),
 ) -> Figure:
@@ -93,7 +84,7 @@ def draw_q_values(
     known = {action for state in states for action in state.values}
     actions = [action for action in order if action in known]
     actions += sorted(known - set(actions))
-    named_in = 0.62 + max(measure_text_in(action, SMALL_PT + 0.5) for action in actions)
+    named_in = 0.62 + max(style.measure_text_in(action, style.SMALL_PT + 0.5) for action in actions)
     columns = min(_COLUMNS, len(states))
     rows = math.ceil(len(states) / columns)
     left_in, gap_x_in, gap_y_in, bottom_in = 0.8, 0.65, 0.8, 0.6
@@ -101,12 +92,12 @@ def draw_q_values(
     width_in = left_in + columns * _WIDE_IN + (columns - 1) * gap_x_in + 0.15 + named_in + 0.15
     head_in = heading.height_in(width_in - 0.4)
     height_in = head_in + 0.3 + rows * tall_in + (rows - 1) * gap_y_in + bottom_in
-    figure = create_sheet(width_in, height_in, heading)
+    figure = style.create_sheet(width_in, height_in, heading)
     for number, state in enumerate(states):
         row, column = divmod(number, columns)
         left = left_in + column * (_WIDE_IN + gap_x_in)
         bottom = bottom_in + (rows - 1 - row) * (tall_in + gap_y_in)
-        axes = add_axes_in(figure, left, bottom, _WIDE_IN, tall_in)
+        axes = style.add_axes_in(figure, left, bottom, _WIDE_IN, tall_in)
         _draw_state(axes, episodes, state, actions)
         if column == 0:
             axes.set_ylabel("Q(s, a) [-]")
@@ -143,23 +134,25 @@ def _draw_state(
             markersize=5.5 if action == best else 4,
             markevery=(len(episodes) // 24 * (number % 4), max(1, len(episodes) // 6)),
             linewidth=2.6 if action == best else 1.1,
-            linestyle="-" if number < len(PALETTE) else "--",
+            linestyle="-" if number < len(style.PALETTE) else "--",
             zorder=4 if action == best else 3,
             label=action,
         )
-    axes.set_title(f"state {state.state}, best action {best}", loc="left", size=SMALL_PT + 1.5)
+    axes.set_title(
+        f"state {state.state}, best action {best}", loc="left", size=style.SMALL_PT + 1.5
+    )
     axes.set_xlabel("episode [-]")
     axes.set_xlim(0, episodes[-1])
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     axes.locator_params(axis="x", nbins=5)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(FAINT)
+    axes.spines[["left", "bottom"]].set_color(style.FAINT)
     axes.grid()
 
 
 def choose_look(number: int) -> tuple[str, str]:
     """Return colour and marker of an action by its number; up to 24 differ."""
-    return PALETTE[number % len(PALETTE)], _MARKS[number % len(_MARKS)]
+    return style.PALETTE[number % len(style.PALETTE)], _MARKS[number % len(_MARKS)]
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
@@ -236,6 +229,6 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     title = f"Action values of {task.name}"
     if task in request.walks():
         title += ": from {} to {}".format(*request.ends(task))
-    heading = Heading(title, request.details(outcomes[0].run))
+    heading = style.Heading(title, request.details(outcomes[0].run))
     order = [skill.name for skill in task.skills]
     return draw_q_values(episodes, states, heading, order=order)

@@ -17,20 +17,8 @@ from matplotlib.ticker import NullLocator
 
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
+from skillplan.views.figures import figure_style as style
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    RED,
-    SMALL_PT,
-    Heading,
-    add_axes_in,
-    create_sheet,
-    in_house_style,
-    measure_text_in,
-)
 
 SOLVER = "auto"
 _RIGHT_IN, _STEP_IN, _MOST_IN = 0.3, 0.42, 14.0
@@ -54,8 +42,10 @@ class RewardStep:
     reward: float
 
 
-@in_house_style
-def draw_rewards(steps: Sequence[RewardStep], actions: Sequence[str], heading: Heading) -> Figure:
+@style.in_house_style
+def draw_rewards(
+    steps: Sequence[RewardStep], actions: Sequence[str], heading: style.Heading
+) -> Figure:
     """Draw actions above and rewards below, for every step.
 
     Parameters
@@ -73,16 +63,16 @@ def draw_rewards(steps: Sequence[RewardStep], actions: Sequence[str], heading: H
     unknown = [step.action for step in steps if step.action not in actions]
     if unknown:
         raise ValueError(f"{unknown[0]!r} is none of the actions.")
-    left_in = 0.65 + max(measure_text_in(action, SMALL_PT) for action in actions)
+    left_in = 0.65 + max(style.measure_text_in(action, style.SMALL_PT) for action in actions)
     wide_in = min(_MOST_IN, max(5.0, _STEP_IN * (len(steps) + 0.6)))
     width_in = left_in + wide_in + _RIGHT_IN
     upper_in, lower_in = max(1.2, 0.2 * len(actions)), 1.9
     below_in = 0.8 if any(step.place for step in steps) else 0.6
     head_in = heading.height_in(width_in - 0.4)
     height_in = head_in + 0.35 + upper_in + 0.15 + lower_in + below_in
-    figure = create_sheet(width_in, height_in, heading)
-    lower = add_axes_in(figure, left_in, below_in, wide_in, lower_in)
-    upper = add_axes_in(figure, left_in, below_in + lower_in + 0.15, wide_in, upper_in)
+    figure = style.create_sheet(width_in, height_in, heading)
+    lower = style.add_axes_in(figure, left_in, below_in, wide_in, lower_in)
+    upper = style.add_axes_in(figure, left_in, below_in + lower_in + 0.15, wide_in, upper_in)
     for axes in (upper, lower):
         axes.set_xlim(0.4, len(steps) + 0.6)
         axes.spines[["top", "right"]].set_visible(False)
@@ -96,9 +86,9 @@ def draw_rewards(steps: Sequence[RewardStep], actions: Sequence[str], heading: H
 def _draw_actions(axes: Axes, steps: Sequence[RewardStep], actions: Sequence[str]) -> None:
     rows = [actions.index(step.action) for step in steps]
     axes.vlines(range(1, len(steps) + 1), -0.6, rows, color="#b9c7d3", linewidth=1.0, zorder=2)
-    axes.plot(range(1, len(steps) + 1), rows, "o", color=BLUE, markersize=6, zorder=3)[0].set_gid(
-        "actions"
-    )
+    axes.plot(range(1, len(steps) + 1), rows, "o", color=style.BLUE, markersize=6, zorder=3)[
+        0
+    ].set_gid("actions")
     axes.set_yticks(range(len(actions)), list(actions))
     axes.set_ylim(-0.6, len(actions) - 0.4)
     axes.set_ylabel("action")
@@ -112,16 +102,16 @@ def _draw_rewards(axes: Axes, steps: Sequence[RewardStep], wide_in: float) -> No
         numbers,
         rewards,
         width=0.62,
-        color=[GREEN if reward >= 0 else RED for reward in rewards],
-        edgecolor=INK,
+        color=[style.GREEN if reward >= 0 else style.RED for reward in rewards],
+        edgecolor=style.INK,
         linewidth=0.4,
         zorder=3,
     )
-    axes.axhline(0.0, color=INK, linewidth=0.8, zorder=4)
+    axes.axhline(0.0, color=style.INK, linewidth=0.8, zorder=4)
     _scale_rewards(axes, rewards)
     step_in = wide_in / (len(steps) + 0.2)
     texts = [_format_reward(reward) for reward in rewards]
-    if max(measure_text_in(text, 6.5) for text in texts) + 0.05 <= step_in:
+    if max(style.measure_text_in(text, 6.5) for text in texts) + 0.05 <= step_in:
         axes.bar_label(bars, texts, padding=3, size=6.5)
     every = max(1, -(-len(steps) // int(wide_in / 0.3)))
     shown = [number for number in numbers if (number - 1) % every == 0]
@@ -171,7 +161,7 @@ def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[RewardStep], wide_
     names = [steps[begin].sequence for begin in begins]
     rooms_in = [step_in * (end - begin) for begin, end in pairwise([*begins, len(steps)])]
     if any(
-        measure_text_in(name, SMALL_PT) > room_in - 0.06
+        style.measure_text_in(name, style.SMALL_PT) > room_in - 0.06
         for name, room_in in zip(names, rooms_in, strict=True)
     ):
         prefix = names[0].rpartition("-")[0]
@@ -182,9 +172,9 @@ def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[RewardStep], wide_
         if begin:
             for axes in (upper, lower):
                 axes.axvline(
-                    begin + 0.5, color=MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1
+                    begin + 0.5, color=style.MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1
                 )
-        middle, half_in = (begin + end + 1) / 2, measure_text_in(name, SMALL_PT) / 2
+        middle, half_in = (begin + end + 1) / 2, style.measure_text_in(name, style.SMALL_PT) / 2
         if middle * step_in - half_in >= free_from_in:
             free_from_in = middle * step_in + half_in + 0.03
             _write_above(upper, middle, name, "center")
@@ -198,8 +188,8 @@ def _write_above(axes: Axes, x: float, text: str, align: Literal["center", "righ
         transform=axes.get_xaxis_transform(),
         ha=align,
         va="bottom",
-        size=SMALL_PT,
-        color=MUTED,
+        size=style.SMALL_PT,
+        color=style.MUTED,
     )
 
 
@@ -246,7 +236,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         details += ",  reward = -cost, as the file has no rewards"
     if idle:
         details += f",  {_count(idle, 'sequence')} without a step left out"
-    return draw_rewards(steps, actions, Heading(title, details))
+    return draw_rewards(steps, actions, style.Heading(title, details))
 
 
 def _count(number: int, noun: str) -> str:

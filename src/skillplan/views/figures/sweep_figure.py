@@ -28,19 +28,7 @@ from skillplan.records.sweep.plan import (
     is_same,
 )
 from skillplan.records.sweep.result import StartSummary, SweepResult
-from skillplan.views.figures.figure_style import (
-    INK,
-    LEAST_WIDTH_IN,
-    MUTED,
-    PALETTE,
-    SMALL_PT,
-    Heading,
-    add_axes_in,
-    create_sheet,
-    fit_legend,
-    in_house_style,
-    measure_text_in,
-)
+from skillplan.views.figures import figure_style as style
 
 _GREEK = {
     "gamma": "\N{GREEK SMALL LETTER GAMMA}",
@@ -67,7 +55,7 @@ class _Row:
     together: bool = False
 
 
-@in_house_style
+@style.in_house_style
 def draw_sweep(result: SweepResult) -> Figure:
     """Draw a study: shares and times by start, against the values of every option.
 
@@ -89,20 +77,24 @@ def draw_sweep(result: SweepResult) -> Figure:
         raise OptionError(f"A figure shows up to {_MOST_STARTS} starts, not {len(plan.starts)}.")
     rows = _list_rows(result)
     columns = len(plan.axes)
-    width_in = max(LEAST_WIDTH_IN, _LEFT_IN + columns * _WIDE_IN + (columns - 1) * _GAP_IN + 0.25)
+    width_in = max(
+        style.LEAST_WIDTH_IN, _LEFT_IN + columns * _WIDE_IN + (columns - 1) * _GAP_IN + 0.25
+    )
     wide_in = (width_in - _LEFT_IN - 0.25 - (columns - 1) * _GAP_IN) / columns
     labels = [_start_label(result, name) for name in (start.name for start in plan.starts)]
-    legend_cols, legend_in = fit_legend(labels, width_in - 0.4)
-    heading = Heading(f"Effect of the options of {plan.solver} on {plan.name}", _describe(result))
+    legend_cols, legend_in = style.fit_legend(labels, width_in - 0.4)
+    heading = style.Heading(
+        f"Effect of the options of {plan.solver} on {plan.name}", _describe(result)
+    )
     head_in = heading.height_in(width_in - 0.4)
     bottom_in = 0.5 + legend_in
     height_in = head_in - 0.1 + len(rows) * (_TALL_IN + 0.2) + bottom_in
-    figure = create_sheet(width_in, height_in, heading)
+    figure = style.create_sheet(width_in, height_in, heading)
     for r, row in enumerate(rows):
         first: Axes | None = None
         floor_in = bottom_in + (len(rows) - 1 - r) * (_TALL_IN + 0.2)
         for c, axis in enumerate(plan.axes):
-            axes = add_axes_in(
+            axes = style.add_axes_in(
                 figure, _LEFT_IN + c * (wide_in + _GAP_IN), floor_in, wide_in, _TALL_IN
             )
             if first is None:
@@ -117,7 +109,7 @@ def draw_sweep(result: SweepResult) -> Figure:
                 axes.set_xlabel(_name(axis.option))
     figure.legend(
         [
-            Line2D([], [], color=PALETTE[number], marker=_MARKERS[number], markersize=3.2)
+            Line2D([], [], color=style.PALETTE[number], marker=_MARKERS[number], markersize=3.2)
             for number in range(len(labels))
         ],
         labels,
@@ -161,7 +153,7 @@ def _draw(figure: Figure, axes: Axes, result: SweepResult, axis: Axis, row: _Row
         shift = ScaledTranslation(side_in, 0, figure.dpi_scale_trans)
         factor = 100.0 if row.percent else 1.0
         values = [factor * estimate.value for _, estimate in points]
-        colour = INK if name is None else PALETTE[number]
+        colour = style.INK if name is None else style.PALETTE[number]
         bars = [
             [factor * (estimate.value - _or(estimate.low, estimate)) for _, estimate in points],
             [factor * (_or(estimate.high, estimate) - estimate.value) for _, estimate in points],
@@ -188,7 +180,7 @@ def _draw(figure: Figure, axes: Axes, result: SweepResult, axis: Axis, row: _Row
             None,
         )
         if centre is not None:
-            axes.axvline(centre, color=MUTED, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
+            axes.axvline(centre, color=style.MUTED, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
 
 
 def _or(end: float | None, estimate: Estimate) -> float:
@@ -292,10 +284,12 @@ def _select_labels(axis: Axis, wide_in: float) -> list[int]:
     order = sorted(range(len(places)), key=lambda i: (places[i] not in (low, high), i))
     kept: list[int] = []
     for index in order:
-        half_in = measure_text_in(format_value(axis.values[index]), SMALL_PT) / 2
+        half_in = style.measure_text_in(format_value(axis.values[index]), style.SMALL_PT) / 2
         if all(
             abs(places[index] - places[other]) * scale_in
-            > half_in + measure_text_in(format_value(axis.values[other]), SMALL_PT) / 2 + 0.09
+            > half_in
+            + style.measure_text_in(format_value(axis.values[other]), style.SMALL_PT) / 2
+            + 0.09
             for other in kept
         ):
             kept.append(index)

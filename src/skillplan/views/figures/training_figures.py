@@ -17,19 +17,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from skillplan.task.task import Metric
-from skillplan.views.figures.figure_style import (
-    BLUE,
-    INK,
-    MUTED,
-    PALETTE,
-    RED,
-    SMALL_PT,
-    Heading,
-    add_axes_in,
-    create_sheet,
-    fit_legend,
-    in_house_style,
-)
+from skillplan.views.figures import figure_style as style
 
 if TYPE_CHECKING:  # a figure needs no environment
     from skillplan.solvers.learning.learner import Episode
@@ -164,10 +152,10 @@ def average_runs(
     return rates, mean, np.sqrt(spread)
 
 
-@in_house_style
+@style.in_house_style
 def draw_success(
     curves: Sequence[RunCurve],
-    heading: Heading,
+    heading: style.Heading,
     *,
     against: AxisName = "steps",
     published: float | None = None,
@@ -195,12 +183,12 @@ def draw_success(
     rates, mean, spread = average_runs(curves, at, against)
     if several:
         low, high = np.clip(mean - spread, 0, 1), np.clip(mean + spread, 0, 1)
-        axes.plot(at, 100 * rates.T, color=BLUE, alpha=0.4, linewidth=0.7, zorder=2)
+        axes.plot(at, 100 * rates.T, color=style.BLUE, alpha=0.4, linewidth=0.7, zorder=2)
         axes.fill_between(
-            at, 100 * low, 100 * high, color=BLUE, alpha=0.18, linewidth=0, label=labels[1]
+            at, 100 * low, 100 * high, color=style.BLUE, alpha=0.18, linewidth=0, label=labels[1]
         )
         axes.lines[0].set_label(labels[2])
-    line = axes.plot(at, 100 * mean, color=BLUE, linewidth=1.8, label=labels[0], zorder=4)[0]
+    line = axes.plot(at, 100 * mean, color=style.BLUE, linewidth=1.8, label=labels[0], zorder=4)[0]
     line.set_gid("mean")
     _label_success(axes)
     axes.set_yticks(range(0, 101, 20))
@@ -221,7 +209,7 @@ def _mark_first_end(
     first = min(curve.length(against) for curve in curves)
     if first >= 0.99 * furthest:
         return
-    axes.axvline(first, color=MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
+    axes.axvline(first, color=style.MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
     right = first < 0.7 * furthest
     axes.annotate(
         "beyond, of the runs that went on",
@@ -231,13 +219,13 @@ def _mark_first_end(
         textcoords="offset points",
         ha="left" if right else "right",
         va="bottom",
-        size=SMALL_PT - 0.5,
-        color=MUTED,
+        size=style.SMALL_PT - 0.5,
+        color=style.MUTED,
     )
 
 
 def _draw_published(axes: Axes, published: float) -> None:
-    axes.axhline(100 * published, color=RED, linewidth=0.9, linestyle=(0, (5, 2)), zorder=3)
+    axes.axhline(100 * published, color=style.RED, linewidth=0.9, linestyle=(0, (5, 2)), zorder=3)
     axes.annotate(
         f"Moller et al.: about {100 * published:.0f} %",
         (1.0, 100 * published),
@@ -246,18 +234,18 @@ def _draw_published(axes: Axes, published: float) -> None:
         textcoords="offset points",
         ha="right",
         va="bottom",
-        size=SMALL_PT,
-        color=INK,
+        size=style.SMALL_PT,
+        color=style.INK,
         bbox={"facecolor": "white", "alpha": 0.75, "pad": 0.8, "edgecolor": "none"},
         zorder=5,
     ).set_gid("published")
 
 
-@in_house_style
+@style.in_house_style
 def draw_distances(
     curves: Sequence[RunCurve],
     metric: Metric,
-    heading: Heading,
+    heading: style.Heading,
     *,
     against: AxisName = "steps",
     optimum: float | None = None,
@@ -287,8 +275,8 @@ def draw_distances(
     low, high = _find_cost_range(curves, optimum)
     entries = []
     for number, (curve, label) in enumerate(zip(curves, labels, strict=True)):
-        colour = PALETTE[number % len(PALETTE)]
-        dashes = _DASHES[number // len(PALETTE) % len(_DASHES)]
+        colour = style.PALETTE[number % len(style.PALETTE)]
+        dashes = _DASHES[number // len(style.PALETTE) % len(_DASHES)]
         entries.append((Line2D([], [], color=colour, linestyle=dashes), label))
         places, costs, smooth = curve.successes(against)
         x, y = _thin_out(places, costs, furthest, high - low)
@@ -307,8 +295,8 @@ def draw_distances(
             textcoords="offset points",
             ha="right",
             va="top",
-            size=SMALL_PT,
-            color=INK,
+            size=style.SMALL_PT,
+            color=style.INK,
         )
     _add_legend(figure, entries, columns)
     return figure
@@ -339,9 +327,9 @@ Trainings = Mapping[str, Sequence[RunCurve]]
 """The curves of the runs of several trainings, by legend entry."""
 
 
-@in_house_style
+@style.in_house_style
 def draw_success_of_trainings(
-    trainings: Trainings, heading: Heading, *, against: AxisName = "steps"
+    trainings: Trainings, heading: style.Heading, *, against: AxisName = "steps"
 ) -> Figure:
     """Draw the mean success rate of each training in a band of one standard deviation.
 
@@ -362,11 +350,11 @@ def draw_success_of_trainings(
     return figure
 
 
-@in_house_style
+@style.in_house_style
 def draw_distances_of_trainings(
     trainings: Trainings,
     metric: Metric,
-    heading: Heading,
+    heading: style.Heading,
     *,
     against: AxisName = "steps",
     optimum: float | None = None,
@@ -398,11 +386,11 @@ def draw_distances_of_trainings(
 
 
 def _assign_colours(trainings: Trainings) -> list[str]:
-    return [PALETTE[number % len(PALETTE)] for number in range(len(trainings))]
+    return [style.PALETTE[number % len(style.PALETTE)] for number in range(len(trainings))]
 
 
 def _open_trainings(
-    trainings: Trainings, heading: Heading, against: AxisName
+    trainings: Trainings, heading: style.Heading, against: AxisName
 ) -> tuple[Figure, Axes, int]:
     """Return a sheet with axes and a legend of all trainings, and the length of the x axis."""
     furthest = _find_furthest([curve for runs in trainings.values() for curve in runs], against)
@@ -427,15 +415,15 @@ def _sample_axis(furthest: int) -> Numbers:
 
 
 def _open_axes(
-    heading: Heading, labels: list[str], tall_in: float, against: AxisName, furthest: int
+    heading: style.Heading, labels: list[str], tall_in: float, against: AxisName, furthest: int
 ) -> tuple[Figure, Axes, int]:
     """Return a sheet, its axes, and the number of columns of the legend that fits below them."""
     width_in = _LEFT_IN + _WIDE_IN + _RIGHT_IN
-    columns, legend_in = fit_legend(labels, width_in - 0.5)
+    columns, legend_in = style.fit_legend(labels, width_in - 0.5)
     bottom_in = 0.55 + legend_in
     height_in = heading.height_in(width_in - 0.4) + 0.1 + tall_in + bottom_in
-    figure = create_sheet(width_in, height_in, heading)
-    axes = add_axes_in(figure, _LEFT_IN, bottom_in, _WIDE_IN, tall_in)
+    figure = style.create_sheet(width_in, height_in, heading)
+    axes = style.add_axes_in(figure, _LEFT_IN, bottom_in, _WIDE_IN, tall_in)
     thousands: Callable[[float, int | None], str] = lambda value, _: f"{value:,.0f}"  # noqa: E731
     axes.set_xlim(0, furthest)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
@@ -471,5 +459,5 @@ def _label_costs(axes: Axes, metric: Metric) -> None:
 
 
 def _draw_optimum(axes: Axes, optimum: float) -> None:
-    line = axes.axhline(optimum, color=INK, linewidth=1.0, linestyle=(0, (5, 2)), zorder=4)
+    line = axes.axhline(optimum, color=style.INK, linewidth=1.0, linestyle=(0, (5, 2)), zorder=4)
     line.set_gid("optimum")

@@ -13,17 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
+from skillplan.views.figures import figure_style as style
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import (
-    INK,
-    LEAST_PT,
-    MUTED,
-    PALETTE,
-    PAPER,
-    Heading,
-    darken_colour,
-    in_house_style,
-)
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.figures.bench_canvas import (
@@ -37,12 +28,12 @@ _ASIDE = 0.095
 _MARK_PT = 8.0
 
 
-@in_house_style
+@style.in_house_style
 def draw_fleet(
     bench: Bench,
     starts: Mapping[str, int],
     schedule: Sequence[Sequence[tuple[str, int]]],
-    heading: Heading,
+    heading: style.Heading,
 ) -> Figure:
     """Draw the path of every robot: a square at its start, a star at its end, steps between.
 
@@ -72,7 +63,7 @@ def draw_fleet(
         _draw_path(canvas, placer, number, points[robot], [position for _, position in path])
     if names_pt is not None:
         _draw_names(canvas, placer, names_pt)
-    size_pt = canvas.font_pt(5.6, 7.0) or LEAST_PT
+    size_pt = canvas.font_pt(5.6, 7.0) or style.LEAST_PT
     for number, (robot, path) in enumerate(paths.items()):
         for (step, _), point in list(zip(path, points[robot], strict=True))[1:]:
             place = placer.place(
@@ -85,7 +76,7 @@ def draw_fleet(
                 va="center_baseline",
                 size=size_pt,
                 weight="bold",
-                color=darken_colour(PALETTE[number % len(PALETTE)]),
+                color=style.darken_colour(style.PALETTE[number % len(style.PALETTE)]),
                 zorder=8,
             )
     canvas.add_legend(entries)
@@ -133,7 +124,7 @@ def _draw_path(
     points: Sequence[tuple[float, float]],
     positions: Sequence[int],
 ) -> None:
-    colour = PALETTE[number % len(PALETTE)]
+    colour = style.PALETTE[number % len(style.PALETTE)]
     for begin, end in pairwise(points):
         arrow = FancyArrowPatch(
             begin,
@@ -158,8 +149,8 @@ def _draw_path(
             *point,
             marker=marker,
             markersize=size_pt * scale,
-            markerfacecolor=PAPER if marker == "s" else colour,
-            markeredgecolor=colour if marker == "s" else PAPER,
+            markerfacecolor=style.PAPER if marker == "s" else colour,
+            markeredgecolor=colour if marker == "s" else style.PAPER,
             markeredgewidth=2.0 if marker == "s" else 0.6,
             zorder=6,
         )
@@ -193,7 +184,7 @@ def _draw_names(canvas: BenchCanvas, placer: LabelPlacer, size_pt: float) -> Non
             ha="center",
             va="center_baseline",
             size=size_pt,
-            color=MUTED,
+            color=style.MUTED,
             zorder=7,
         )
 
@@ -201,7 +192,7 @@ def _draw_names(canvas: BenchCanvas, placer: LabelPlacer, size_pt: float) -> Non
 def _list_legend(paths: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[Artist, str]]:
     entries: list[tuple[Artist, str]] = [
         (
-            Line2D([], [], color=PALETTE[number % len(PALETTE)], linewidth=2.2),
+            Line2D([], [], color=style.PALETTE[number % len(style.PALETTE)], linewidth=2.2),
             f"{robot}: {len(path) - 1} {'swing' if len(path) == 2 else 'swings'}",
         )
         for number, (robot, path) in enumerate(paths.items())
@@ -215,12 +206,12 @@ def _list_legend(paths: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[A
             marker=marker,
             markersize=size_pt,
             markerfacecolor=face,
-            markeredgecolor=INK,
+            markeredgecolor=style.INK,
         )
 
-    entries.append((mark("s", 7, PAPER), "start"))
-    entries.append((mark("*", 11, INK), "goal"))
-    entries.append((mark("o", 4, INK), "end of a swing, and its step"))
+    entries.append((mark("s", 7, style.PAPER), "start"))
+    entries.append((mark("*", 11, style.INK), "goal"))
+    entries.append((mark("o", 4, style.INK), "end of a swing, and its step"))
     return entries
 
 
@@ -253,7 +244,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     }
     swings = sum(len(moves) for moves in steps)
     whole_s = sum(_measure_steps_s(account.document, schedule))
-    heading = Heading(
+    heading = style.Heading(
         f"Paths of {len(starts)} bases of {request.problem.name}: {swings} swings in "
         f"{len(steps)} parallel steps, {whole_s:.1f} s",
         request.details(outcomes[0].run),

@@ -13,28 +13,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from skillplan.views.figures import figure_style as style
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import (
-    BLUE,
-    GREEN,
-    INK,
-    LEAST_PT,
-    MUTED,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    SMALL_PT,
-    Heading,
-    add_axes_in,
-    create_sheet,
-    fit_legend,
-    in_house_style,
-    measure_text_in,
-)
 from skillplan_swarmitfix.figures.bench_canvas import get_requested_bench
 
 SOLVER = "exact"
-STEPS = {"retract": BLUE, "park": PURPLE, "swing": "#d9dce0", "approach": ORANGE, "support": GREEN}
+STEPS = {
+    "retract": style.BLUE,
+    "park": style.PURPLE,
+    "swing": "#d9dce0",
+    "approach": style.ORANGE,
+    "support": style.GREEN,
+}
 """Colour of each of the five steps, in their order."""
 ROWS = ("head", "pkm", "base")
 
@@ -83,8 +73,8 @@ class Bar:
             raise ValueError(f"A step cannot run from {self.start_s} s to {self.end_s} s.")
 
 
-@in_house_style
-def draw_gantt(bars: Sequence[Bar], heading: Heading) -> Figure:
+@style.in_house_style
+def draw_gantt(bars: Sequence[Bar], heading: style.Heading) -> Figure:
     """Draw a Gantt chart in as many lines as needed.
 
     Parameters
@@ -102,21 +92,21 @@ def draw_gantt(bars: Sequence[Bar], heading: Heading) -> Figure:
     lines, per_line_s = _split_lines(bars)
     width_in = _LEFT_IN + _LINE_IN + _RIGHT_IN
     used = [step for step in STEPS if any(bar.step == step for bar in bars)]
-    columns, legend_in = fit_legend(used, width_in - 0.4)
+    columns, legend_in = style.fit_legend(used, width_in - 0.4)
     tall_in = _BAR_IN * len(ROWS)
     each_in = tall_in + _GAP_IN
     head_in = heading.height_in(width_in - 0.4)
     height_in = head_in + each_in * len(lines) + legend_in + 0.05
-    figure = create_sheet(width_in, height_in, heading)
+    figure = style.create_sheet(width_in, height_in, heading)
     for number, line in enumerate(lines):
         top_in = height_in - head_in - 0.25 - number * each_in
         begin_s = line[0].start_s
         span_s = max(line[-1].end_s - begin_s, 1e-3 * per_line_s)
         wide_in = _LINE_IN * span_s / per_line_s
-        axes = add_axes_in(figure, _LEFT_IN, top_in - tall_in, wide_in, tall_in)
+        axes = style.add_axes_in(figure, _LEFT_IN, top_in - tall_in, wide_in, tall_in)
         axes.set_xlim(begin_s, begin_s + span_s)
         _draw_line(axes, line, wide_in / span_s, last=number == len(lines) - 1)
-    handles = [Patch(facecolor=STEPS[step], edgecolor=INK, linewidth=0.5) for step in used]
+    handles = [Patch(facecolor=STEPS[step], edgecolor=style.INK, linewidth=0.5) for step in used]
     figure.legend(
         handles,
         used,
@@ -149,7 +139,7 @@ def _split_lines(bars: Sequence[Bar]) -> tuple[list[list[Bar]], float]:
 def _draw_line(axes: Axes, bars: Sequence[Bar], in_per_s: float, *, last: bool) -> None:
     axes.set_ylim(len(ROWS) - 0.5, -0.5)
     axes.set_yticks(range(len(ROWS)), [row.upper() if row == "pkm" else row for row in ROWS])
-    axes.tick_params(axis="y", length=0, labelsize=SMALL_PT + 0.5, labelcolor=INK)
+    axes.tick_params(axis="y", length=0, labelsize=style.SMALL_PT + 0.5, labelcolor=style.INK)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.grid(axis="x")
     if last:
@@ -162,7 +152,7 @@ def _draw_line(axes: Axes, bars: Sequence[Bar], in_per_s: float, *, last: bool) 
                 left=bar.start_s,
                 height=0.8,
                 color=STEPS[bar.step],
-                edgecolor=INK if bar.step == "swing" else "none",
+                edgecolor=style.INK if bar.step == "swing" else "none",
                 linewidth=0.5,
             )
         for agent, label in bar.labels.items():
@@ -173,8 +163,10 @@ def _draw_line(axes: Axes, bars: Sequence[Bar], in_per_s: float, *, last: bool) 
 def _write_in(axes: Axes, bar: Bar, agent: str, label: str, in_per_s: float) -> None:
     """Write a label into the bar of an agent, as large as fits."""
     room_in = (bar.end_s - bar.start_s) * in_per_s - 0.06
-    size_pt = SMALL_PT * min(1.0, room_in / max(1e-6, measure_text_in(label, SMALL_PT)))
-    if size_pt >= LEAST_PT:
+    size_pt = style.SMALL_PT * min(
+        1.0, room_in / max(1e-6, style.measure_text_in(label, style.SMALL_PT))
+    )
+    if size_pt >= style.LEAST_PT:
         axes.text(
             (bar.start_s + bar.end_s) / 2,
             ROWS.index(agent),
@@ -194,15 +186,15 @@ def _mark_sequences(axes: Axes, bars: Sequence[Bar], in_per_s: float) -> None:
         until[bar.sequence] = bar.end_s
     free_from_s = -1.0
     for sequence, start_s in first.items():
-        axes.axvline(start_s, color=MUTED, linewidth=0.9, linestyle=(0, (4, 2)), ymax=1.22).set(
-            clip_on=False, zorder=4
-        )
+        axes.axvline(
+            start_s, color=style.MUTED, linewidth=0.9, linestyle=(0, (4, 2)), ymax=1.22
+        ).set(clip_on=False, zorder=4)
         middle_s = (start_s + until[sequence]) / 2
         text = f"sequence {sequence}"
         room_in = (until[sequence] - start_s) * in_per_s
-        if measure_text_in(text, SMALL_PT) + 0.08 > room_in:
+        if style.measure_text_in(text, style.SMALL_PT) + 0.08 > room_in:
             text = str(sequence)
-        half_s = (measure_text_in(text, SMALL_PT) / 2 + 0.02) / in_per_s
+        half_s = (style.measure_text_in(text, style.SMALL_PT) / 2 + 0.02) / in_per_s
         if middle_s - half_s < free_from_s:
             continue
         free_from_s = middle_s + half_s
@@ -212,10 +204,10 @@ def _mark_sequences(axes: Axes, bars: Sequence[Bar], in_per_s: float) -> None:
             text,
             ha="center",
             va="center_baseline",
-            size=SMALL_PT,
-            color=MUTED,
-            backgroundcolor=PAPER,
-            bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.4},
+            size=style.SMALL_PT,
+            color=style.MUTED,
+            backgroundcolor=style.PAPER,
+            bbox={"facecolor": style.PAPER, "edgecolor": "none", "pad": 0.4},
             zorder=5,
         )
 
@@ -258,7 +250,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         f"The five steps of {chain.name}: {swings} swings, {bars[-1].end_s:.1f} s, "
         f"{bars[-1].sequence} sequences"
     )
-    return draw_gantt(bars, Heading(title, request.details(outcomes[0].run)))
+    return draw_gantt(bars, style.Heading(title, request.details(outcomes[0].run)))
 
 
 def _list_labels(swing: Mapping[str, Any] | None) -> dict[str, str]:

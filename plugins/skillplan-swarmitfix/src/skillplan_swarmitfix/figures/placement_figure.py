@@ -17,23 +17,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from skillplan.views.figures import figure_style as style
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import (
-    BLUE,
-    GREEN,
-    INK,
-    LEAST_PT,
-    MUTED,
-    OLIVE,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    RED,
-    SKY,
-    Heading,
-    darken_colour,
-    in_house_style,
-)
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.figures.bench_canvas import (
@@ -45,7 +30,7 @@ from skillplan_swarmitfix.figures.bench_canvas import (
 Point2 = tuple[float, float]
 RADIUS = 0.2
 """Radius of the circle that marks a base, in pitches."""
-_COLOURS = (GREEN, BLUE, RED, PURPLE, OLIVE, SKY)
+_COLOURS = (style.GREEN, style.BLUE, style.RED, style.PURPLE, style.OLIVE, style.SKY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +160,7 @@ def draw_labels(
     name_pt, number_pt = canvas.font_pt(6.4, 8.0), canvas.font_pt(5.6, 7.0)
     if name_pt is None:
         return
-    number_pt = number_pt or LEAST_PT
+    number_pt = number_pt or style.LEAST_PT
     placer = _make_placer(canvas, points_m, heads, goals)
     radius_in = RADIUS * canvas.pitch_in
     rings = sorted({*visits, *between, *(() if home is None else (home,))})
@@ -184,7 +169,7 @@ def draw_labels(
     for position in rings:
         if position in inside:
             x_m, y_m = bench.centroids_m[position].tolist()
-            _write(canvas, (x_m, y_m), bench.name(position), name_pt, INK, bold=True)
+            _write(canvas, (x_m, y_m), bench.name(position), name_pt, style.INK, bold=True)
     for centre in centres.values():
         placer.avoid_disc(centre, radius_in + 0.02)
     distances_in = [radius_in + extra for extra in (0.04, 0.1, 0.18, 0.28)]
@@ -192,12 +177,14 @@ def draw_labels(
         if position not in inside:
             name = bench.name(position)
             place = placer.place(centres[position], name, name_pt, distances_in)
-            _write(canvas, canvas.to_metres(place), name, name_pt, INK, bold=True)
+            _write(canvas, canvas.to_metres(place), name, name_pt, style.INK, bold=True)
     colours = assign_colours(canvas.bench, goals)
     for position, numbers in sorted(visits.items()):
         text = f"b{format_ranges(numbers)}"
         place = placer.place(centres[position], text, number_pt, distances_in)
-        _write(canvas, canvas.to_metres(place), text, number_pt, darken_colour(colours[position]))
+        _write(
+            canvas, canvas.to_metres(place), text, number_pt, style.darken_colour(colours[position])
+        )
     if home is not None and home not in visits:
         place = placer.place(centres[home], "home", number_pt, distances_in)
         _write(canvas, canvas.to_metres(place), "home", number_pt, "#8a5a00")
@@ -220,7 +207,7 @@ def _number_heads(
         angle_rad = math.atan2(outward[1], outward[0])
         anchor, text = canvas.to_inches(head.position_m), f"h{number}"
         place = placer.place(anchor, text, size_pt, distances_in, angle_rad)
-        _write(canvas, canvas.to_metres(place), text, size_pt, MUTED)
+        _write(canvas, canvas.to_metres(place), text, size_pt, style.MUTED)
 
 
 def _make_placer(
@@ -269,14 +256,14 @@ SOLVER = "exact"
 _TRAJECTORY = "#3c4043"
 
 
-@in_house_style
+@style.in_house_style
 def draw_placement(
     bench: Bench,
     trajectory_m: Sequence[Point2],
     heads: Sequence[HeadMark],
     goals: Sequence[BaseGoal],
     paths: Sequence[Sequence[int]],
-    heading: Heading,
+    heading: style.Heading,
     *,
     closed: bool,
 ) -> Figure:
@@ -367,9 +354,11 @@ def _draw_bases(
     for position, colour in goals.items():
         _draw_ring(canvas, position, radius_m, colour, "-", 2.2, f"goal-{name(position)}")
     for position in between:
-        _draw_ring(canvas, position, radius_m, MUTED, "--", 1.0, f"between-{name(position)}")
+        _draw_ring(canvas, position, radius_m, style.MUTED, "--", 1.0, f"between-{name(position)}")
     if home is not None and home not in goals:
-        _draw_ring(canvas, home, radius_m, ORANGE, ":", 2.2, f"home-{canvas.bench.name(home)}")
+        _draw_ring(
+            canvas, home, radius_m, style.ORANGE, ":", 2.2, f"home-{canvas.bench.name(home)}"
+        )
 
 
 def _draw_ring(
@@ -401,7 +390,7 @@ def _draw_heads(canvas: BenchCanvas, heads: Sequence[HeadMark]) -> None:
     drawn = PolyCollection(
         [head.corners_m() for head in heads],
         facecolors=[_TRAJECTORY if head.at_vertex else "#f4c95d" for head in heads],
-        edgecolors=INK,
+        edgecolors=style.INK,
         linewidths=0.8,
         zorder=6,
     )
@@ -411,11 +400,19 @@ def _draw_heads(canvas: BenchCanvas, heads: Sequence[HeadMark]) -> None:
 
 def _list_legend(closed: bool, between: bool, home: bool) -> list[tuple[Artist, str]]:
     def ring(colour: str, dashes: str) -> Circle:
-        return Circle((0, 0), 1, facecolor=PAPER, edgecolor=colour, linestyle=dashes, linewidth=2.0)
+        return Circle(
+            (0, 0), 1, facecolor=style.PAPER, edgecolor=colour, linestyle=dashes, linewidth=2.0
+        )
 
     def head(colour: str) -> Line2D:
         return Line2D(
-            [], [], linestyle="none", marker="^", color=colour, markeredgecolor=INK, markersize=9
+            [],
+            [],
+            linestyle="none",
+            marker="^",
+            color=colour,
+            markeredgecolor=style.INK,
+            markersize=9,
         )
 
     shape = "closed" if closed else "open"
@@ -423,13 +420,16 @@ def _list_legend(closed: bool, between: bool, home: bool) -> list[tuple[Artist, 
         (Line2D([], [], color=_TRAJECTORY, linewidth=2.2), f"trajectory ({shape})"),
         (head(_TRAJECTORY), "head at a vertex (h)"),
         (head("#f4c95d"), "head between vertices (h)"),
-        (ring(GREEN, "-"), "goal position of the base (b)"),
-        (Line2D([], [], color=GREEN, linewidth=1.1), "supports held from there, in its colour"),
+        (ring(style.GREEN, "-"), "goal position of the base (b)"),
+        (
+            Line2D([], [], color=style.GREEN, linewidth=1.1),
+            "supports held from there, in its colour",
+        ),
     ]
     if between:
-        entries.append((ring(MUTED, "--"), "intermediate position"))
+        entries.append((ring(style.MUTED, "--"), "intermediate position"))
     if home:
-        entries.append((ring(ORANGE, ":"), "home position"))
+        entries.append((ring(style.ORANGE, ":"), "home position"))
     return entries
 
 
@@ -466,7 +466,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     closed = bool(workpiece["closed"])
     points_m = [(x_m, y_m) for x_m, y_m in workpiece["points_m"]]
     makespan = f"{chain.makespan} steps of the base for {len(goals)} goals"
-    heading = Heading(
+    heading = style.Heading(
         f"Placement of heads and bases of {chain.name}: {makespan}",
         request.details(outcomes[0].run),
     )
