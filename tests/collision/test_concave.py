@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from concave_shapes import channel, channel_boxes
 from skillplan import collision
+from skillplan.collision import decomposition
 from skillplan.task import Box, Cylinder, Pose
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -109,15 +110,15 @@ def provided(monkeypatch, tmp_path):
 
     def install(provider):
         monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path))
-        collision.decomposition._get_cache_slot.cache_clear()
+        decomposition._get_cache_slot.cache_clear()
         entry = EntryPoint("boxes", "nowhere:boxes", "skillplan.decomposition")
         listed = [] if provider is None else [entry]
-        monkeypatch.setattr(collision.decomposition, "list_decompositions", lambda: listed)
+        monkeypatch.setattr(decomposition, "list_decompositions", lambda: listed)
         monkeypatch.setattr(EntryPoint, "load", lambda self: provider)
         return tmp_path / "pieces"
 
     yield install
-    collision.decomposition._get_cache_slot.cache_clear()
+    decomposition._get_cache_slot.cache_clear()
 
 
 def test_pieces_are_made_once_and_kept_by_hash(provided):
@@ -127,16 +128,16 @@ def test_pieces_are_made_once_and_kept_by_hash(provided):
     created = collision.decompose(channel())
     assert (3, 1) == (len(created.pieces), provider.asked)
     assert created.error_m < 1e-6
-    collision.decomposition._get_cache_slot.cache_clear()
+    decomposition._get_cache_slot.cache_clear()
     assert created == collision.decompose(channel())
     assert provider.asked == 1
     (kept,) = folder.iterdir()
     kept.write_text("{")
-    collision.decomposition._get_cache_slot.cache_clear()
+    decomposition._get_cache_slot.cache_clear()
     assert created == collision.decompose(channel())
     assert provider.asked == 2
     provider.version = "2"
-    collision.decomposition._get_cache_slot.cache_clear()
+    decomposition._get_cache_slot.cache_clear()
     collision.decompose(channel())
     assert (2, 3) == (len(list(folder.iterdir())), provider.asked)
 
@@ -147,7 +148,7 @@ def test_a_line_announces_pieces_that_are_made_and_none_those_that_are_kept(prov
     collision.decompose(channel(), "'case', mesh 2 of 9")
     (line,) = caplog.messages
     assert line.startswith("skillplan: making convex pieces of 'case', mesh 2 of 9 (28 faces)")
-    collision.decomposition._get_cache_slot.cache_clear()
+    decomposition._get_cache_slot.cache_clear()
     collision.decompose(channel(), "'case', mesh 2 of 9")
     assert caplog.messages == [line]
 
