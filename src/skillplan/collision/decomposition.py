@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.collision.surface import Floats, make_polyhedron, measure_outermost
+from skillplan.collision.surface import Floats, Polyhedron, make_polyhedron, measure_outermost
 from skillplan.errors import PluginError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.folder import get_cache_folder
@@ -31,6 +31,8 @@ _DECIMALS = 9
 _MOST_BYTES = 64 * 1024 * 1024
 # Number of points on either surface at which pieces and mesh are compared.
 _SAMPLES = 3_000
+# Distance from a piece at which a point counts as within [m].
+_SAME_M = 1e-9
 
 
 class NoPieces(PluginError):
@@ -168,12 +170,20 @@ def _measure(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
         [_sample_surface(part.triangles, _SAMPLES // len(parts)) for part in parts]
     )
     own = _sample_surface(whole.triangles, _SAMPLES)
-    reached = np.full(len(own), -np.inf)
     for part in parts:
-        normals, offsets = part.planes
-        reached = np.maximum(reached, (offsets - own @ normals.T).min(axis=1))
-    missing_m = max(0.0, -float(reached.min()))
+        # Most points are in a piece, and few pieces have a point in their box.
+        low, high = part.corners.min(axis=0) - _SAME_M, part.corners.max(axis=0) + _SAME_M
+        near = np.flatnonzero(((own >= low) & (own <= high)).all(axis=1))
+        own = np.delete(own, near[_measure_reached(part, own[near]) >= -_SAME_M], axis=0)
+    reached = [_measure_reached(part, own) for part in parts] if len(own) else []
+    missing_m = max(0.0, -float(np.max(reached, axis=0).min())) if reached else 0.0
     return Decomposition(pieces, round(measure_outermost(whole, outer), 7), round(missing_m, 7))
+
+
+def _measure_reached(part: Polyhedron, points: Floats) -> Floats:
+    """Return how far points are within a convex piece [m]; negative outside."""
+    normals, offsets = part.planes
+    return np.asarray((offsets - points @ normals.T).min(axis=1))
 
 
 def _sample_surface(triangles: Floats, count: int) -> Floats:

@@ -7,10 +7,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 from skillplan.task.pose import Point, Pose, dot
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
 
 # Rounding error of points on the rim of a shape [m].
 _RIM_M = 1e-9
@@ -105,9 +113,9 @@ class Cylinder:
         return dot(direction, self.centre) + away_m
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Mesh:
-    """A polyhedron of a body, given by its corners.
+    """A polyhedron of a body, given by its corners; measures are kept, as meshes may be large.
 
     Parameters
     ----------
@@ -122,6 +130,9 @@ class Mesh:
     corners: tuple[Point, ...]
     faces: tuple[tuple[int, int, int], ...]
     convex: bool = True
+    _reaches_m: dict[Point, float] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         if len(self.corners) < 4:
@@ -130,13 +141,13 @@ class Mesh:
             raise ValueError(f"Mesh faces must name corners 0 to {len(self.corners) - 1}.")
         if not all(math.isfinite(value) for corner in self.corners for value in corner):
             raise ValueError("Mesh corners must be finite.")
-        if not all(high > low for low, high in zip(*self._bounds(), strict=True)):
+        if not all(high > low for low, high in zip(*self._bounds, strict=True)):
             raise ValueError("Mesh must have an extent along every axis.")
 
-    @property
+    @cached_property
     def box(self) -> Box:
         """The bounding box."""
-        (x0, y0, z0), (x1, y1, z1) = self._bounds()
+        (x0, y0, z0), (x1, y1, z1) = self._bounds
         return Box((x1 - x0, y1 - y0, z1 - z0), ((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2))
 
     @property
@@ -171,7 +182,19 @@ class Mesh:
 
     def reach_m(self, direction: Point) -> float:
         """Return the extent along a direction from the body's origin [m]."""
-        return max(dot(direction, corner) for corner in self.corners)
+        if direction not in self._reaches_m:
+            a, b, c = direction
+            self._reaches_m[direction] = max(a * x + b * y + c * z for x, y, z in self.corners)
+        return self._reaches_m[direction]
+
+    @cached_property
+    def triangles(self) -> Floats:
+        """Corners of the faces [m], shape (faces, 3, 3)."""
+        # Boards of boxes do without numpy.
+        import numpy as np
+
+        faces = np.array(self.faces, dtype=np.int64).reshape(-1, 3)
+        return np.asarray(np.array(self.corners)[faces])
 
     def _planes(self) -> Iterator[tuple[Point, float]]:
         """Yield the outward normal of each face, and its distance from the origin."""
@@ -189,6 +212,7 @@ class Mesh:
                 x, y, z = (value / length for value in normal)
                 yield (x, y, z), x * a[0] + y * a[1] + z * a[2]
 
+    @cached_property
     def _bounds(self) -> tuple[Point, Point]:
         xs, ys, zs = zip(*self.corners, strict=True)
         return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))

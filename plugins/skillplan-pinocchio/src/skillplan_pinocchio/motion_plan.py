@@ -333,6 +333,8 @@ class MotionPlanner:
         self.holds = holds or {}
         self.held = held
         self._itself = SelfCheck(arm)
+        # Pieces at the ends of the motion that was checked last, often with several elbows.
+        self._last_held: tuple[LinearMotion, tuple[Held, Held]] | None = None
         self._known: dict[tuple[Any, ...], DescentPaths] = {}
         self._turns: dict[Hold, Point | None] = {}
         # Paths by motion, until the turn of the hand is chosen.
@@ -570,7 +572,9 @@ class MotionPlanner:
         before: Held = ()
         after: Held = ()
         if motion is not None and self.held is not None:
-            before, after = self.held(motion)
+            if self._last_held is None or self._last_held[0] != motion:
+                self._last_held = motion, self.held(motion)
+            before, after = self._last_held[1]
         count = len(stroke_paths.distinct)
         for number, path in enumerate(stroke_paths.distinct):
             held = []

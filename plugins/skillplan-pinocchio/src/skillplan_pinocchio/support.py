@@ -121,18 +121,16 @@ def find_supports(
     tolerance_m
         Gap or overlap that counts as contact [m], >= 0.
     """
-    feet = [level for piece in pieces for level in _iterate_levels(piece, -1, tolerance_m)]
-    heights_m = [height_m for height_m, _ in feet]
+    feet = _Levels(pieces, -1, tolerance_m)
     others = tuple(obstacle for obstacle in obstacles if obstacle.body != body)
     contacts = []
-    for obstacle in others if feet else ():
+    for obstacle in others:
+        near = [piece for piece in obstacle.pieces if feet.may_stand_on(piece, tolerance_m)]
+        tops = _Levels(near, 1, tolerance_m)
         polygons = tuple(
             common
-            for piece in obstacle.pieces
-            for top_m, top in _iterate_levels(piece, 1, tolerance_m, heights_m)
-            for foot_m, foot in feet
-            if abs(top_m - foot_m) <= tolerance_m
-            if (common := intersect(foot, top))
+            for top, foot in tops.iterate_near(feet, tolerance_m)
+            if (common := intersect(feet.outline(foot), tops.outline(top)))
         )
         if polygons:
             contacts.append(Contact(obstacle.body, obstacle.fact, polygons))
@@ -216,37 +214,75 @@ def intersect(polygon: Polygon, other: Polygon) -> Polygon:
     return tuple(left) if len(left) > 2 and _compute_area_m2(left) > _LEAST_AREA_M2 else ()
 
 
-def _iterate_levels(
-    piece: ConvexPiece, side: int, tolerance_m: float, near: Sequence[float] = ()
-) -> Iterator[tuple[float, Polygon]]:
-    """Yield the level faces of a piece with their heights, upward (1) or downward (-1).
+class _Levels:
+    """Level faces of pieces: the highest or lowest of a convex one, level triangles of a surface.
 
-    The highest or lowest face of a convex piece, all level triangles of a surface. If `near` is
-    given, only faces near one of these heights.
+    Parameters
+    ----------
+    side
+        1 for faces that look upwards, -1 for downwards.
+    tolerance_m
+        Difference of heights within one face [m], >= 0.
     """
-    if not isinstance(piece, SurfacePiece):
-        height_m = piece.high[2] if side > 0 else piece.low[2]
-        if near and all(abs(height_m - level_m) > tolerance_m for level_m in near):
-            return
-        face = _find_face(piece, height_m, tolerance_m)
-        if len(face) > 2:
-            yield height_m, face
-        return
+
+    def __init__(self, pieces: Iterable[ConvexPiece], side: int, tolerance_m: float) -> None:
+        self._corners: list[Array] = []
+        self._heights_m: list[float] = []
+        boxes: list[tuple[Array, Array]] = []
+        for piece in pieces:
+            if isinstance(piece, SurfacePiece):
+                faces = _select_level(piece, side)
+                heights_m = faces[:, :, 2].sum(axis=1) / 3
+            else:
+                height_m = piece.high[2] if side > 0 else piece.low[2]
+                level = np.abs(piece.corners[:, 2] - height_m) <= tolerance_m
+                faces, heights_m = piece.corners[np.newaxis, level], np.array([height_m])
+            if faces.shape[1] > 2:
+                planar = faces[:, :, :2]
+                self._corners += list(planar)
+                self._heights_m += heights_m.tolist()
+                boxes.append((planar.min(axis=1), planar.max(axis=1)))
+        self._low, self._high = (
+            np.concatenate([np.empty((0, 2)), *(box[end] for box in boxes)]) for end in (0, 1)
+        )
+        self._outlines: dict[int, Polygon] = {}
+
+    def may_stand_on(self, piece: ConvexPiece, tolerance_m: float) -> bool:
+        """Return whether the boxes of some faces and of a piece overlap."""
+        if not self._corners:
+            return False
+        (x, y, z), (right, far, top) = piece.low, piece.high
+        heights_m = self._heights_m
+        return bool(
+            min(heights_m) <= top + tolerance_m
+            and max(heights_m) >= z - tolerance_m
+            and (self._low < (right, far)).all(axis=1).any()
+            and (self._high > (x, y)).all(axis=1).any()
+        )
+
+    def iterate_near(self, others: _Levels, tolerance_m: float) -> Iterator[tuple[int, int]]:
+        """Yield the numbers of the pairs at one height whose boxes overlap, in order."""
+        heights_m = np.array(others._heights_m)
+        for number, height_m in enumerate(self._heights_m if len(heights_m) else ()):
+            near = np.abs(heights_m - height_m) <= tolerance_m
+            near &= (self._low[number] < others._high).all(axis=1)
+            near &= (others._low < self._high[number]).all(axis=1)
+            yield from ((number, other) for other in np.flatnonzero(near).tolist())
+
+    def outline(self, number: int) -> Polygon:
+        """Return the outline of a face, seen from above, counter-clockwise [m]."""
+        if number not in self._outlines:
+            points = self._corners[number].tolist()
+            self._outlines[number] = compute_planar_hull((x, y) for x, y in points)
+        return self._outlines[number]
+
+
+def _select_level(piece: SurfacePiece, side: int) -> Array:
+    """Return the corners of the level triangles of a surface, shape (triangles, 3, 3) [m]."""
     corners = piece.corners[piece.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     steep = np.linalg.norm(normals[:, :2], axis=1) > _LEVEL * np.abs(normals[:, 2])
-    for number in np.flatnonzero(~steep & (normals[:, 2] * side > 0)):
-        triangle = corners[number].tolist()
-        height_m = sum(corner[2] for corner in triangle) / 3
-        yield height_m, compute_planar_hull((x, y) for x, y, _ in triangle)
-
-
-def _find_face(piece: ConvexPiece, height_m: float, tolerance_m: float) -> Polygon:
-    return compute_planar_hull(
-        (float(x), float(y))
-        for x, y, z in piece.corners.tolist()
-        if abs(z - height_m) <= tolerance_m
-    )
+    return np.asarray(corners[~steep & (normals[:, 2] * side > 0)])
 
 
 def _compute_centre(pieces: Iterable[ConvexPiece]) -> Point:

@@ -8,7 +8,7 @@ support.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cached_property
 from itertools import pairwise
@@ -312,10 +312,13 @@ class SweptDetector(Detector):
         if skill.motion is None and "holder" not in skill.parameters:
             return Verdict.feasible(facts.none, facts.none)
         present, absent = self._circumstances(skill, state)
-        early = self.refuse_early(skill, state)
-        if early is not None:
-            return early
+        in_state = VerdictInState(state, present, absent, lambda: self.paths.stand(state))
         key = (skill.name, present)
+        if key not in self._approaches:
+            self._approaches[key] = self._first_approach(skill, state)
+        early = in_state.on(self._approaches[key])
+        if not early.is_feasible:
+            return early
         if key not in self._swept_motions:
             self._swept_motions[key] = self._swept_motion(skill, state)
         return VerdictInState(state, present, absent, lambda: self.paths.stand(state)).on(
@@ -328,11 +331,11 @@ class SweptDetector(Detector):
             return None
         present, absent = self._circumstances(skill, state)
         key = (skill.name, present)
-        if key not in self._approaches:
-            self._approaches[key] = self._first_approach(skill, state)
-        verdict = VerdictInState(state, present, absent, lambda: self.paths.stand(state)).on(
-            self._approaches[key]
-        )
+        swept = self._approaches.get(key)
+        if swept is None:
+            # Nothing is looked for beyond the first collision in this state.
+            swept = self._first_approach(skill, state, lambda fact: fact in state)
+        verdict = VerdictInState(state, present, absent, lambda: self.paths.stand(state)).on(swept)
         return None if verdict.is_feasible else verdict
 
     def duration_s(self, skill: Skill, state: State) -> float | None:
@@ -439,8 +442,16 @@ class SweptDetector(Detector):
             )
         return present, absent
 
-    def _first_approach(self, skill: Skill, state: State) -> SweptMotion:
-        """Return what hand and load meet on the first approach, if the arm reaches its target."""
+    def _first_approach(
+        self, skill: Skill, state: State, holds: Callable[[str], bool] | None = None
+    ) -> SweptMotion:
+        """Return what hand and load meet on the first approach, if the arm reaches its target.
+
+        Parameters
+        ----------
+        holds
+            Returns whether a fact holds, if only the first collision with what is there counts.
+        """
         words = self._describe_no_grip(skill)
         if words is not None:
             return SweptMotion((Collision(None, words, {}),), ())
@@ -449,7 +460,10 @@ class SweptDetector(Detector):
         motion = plan_linear_motions(self.task, skill, state, self.options.drop_height_m)[0]
         if not self.paths.planner.can_reach(motion):
             return SweptMotion((), ())
-        return SweptMotion(self._builder.approach(motion), ())
+        if holds is None:
+            return SweptMotion(self._builder.approach(motion), ())
+        hit = self._builder.find_first_hit(motion, holds)
+        return SweptMotion(() if hit is None else (hit,), ())
 
     def _describe_no_grip(self, skill: Skill) -> str | None:
         scene, robot = self.task.scene, self._robot

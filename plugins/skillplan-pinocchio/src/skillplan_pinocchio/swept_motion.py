@@ -136,6 +136,8 @@ class SweptMotionBuilder:
         self.travels = travels
         self.check_support = check_support
         self._approaches: dict[LinearMotion, tuple[Collision, ...]] = {}
+        # Sweeps of approaches whose collisions with everything are not known yet.
+        self._stretches: dict[LinearMotion, tuple[tuple[Sweep, ...], ...]] = {}
 
     def build(self, motions: Sequence[ArmMotion]) -> SweptMotion:
         """Return the swept motion of a skill from its planned motions."""
@@ -165,17 +167,37 @@ class SweptMotionBuilder:
     def approach(self, motion: LinearMotion) -> tuple[Collision, ...]:
         """Return the collisions of hand and load up to the target, in any state."""
         if motion not in self._approaches:
-            stretches = self.sweeps.approach(motion)
+            stretches = self._stretches.pop(motion, None) or self.sweeps.approach(motion)
             collisions = [hit for stretch in stretches for hit in self._collisions(stretch)]
             self._approaches[motion] = (*self._clash(motion), *collisions)
         return self._approaches[motion]
 
-    def _collisions(self, sweeps: Iterable[Sweep]) -> list[Collision]:
-        """Return the collisions of any state, in the order of the motion."""
+    def find_first_hit(
+        self, motion: LinearMotion, holds: Callable[[str], bool]
+    ) -> Collision | None:
+        """Return the first collision of hand and load up to the target with what is there.
+
+        Parameters
+        ----------
+        holds
+            Returns whether a fact holds.
+        """
+        if motion not in self._stretches:
+            self._stretches[motion] = tuple(self.sweeps.approach(motion))
+        clash = next(self._clash(motion), None)
+        hits = (self._collisions(stretch, holds) for stretch in self._stretches[motion])
+        return clash or next((found[0] for found in hits if found), None)
+
+    def _collisions(
+        self, sweeps: Iterable[Sweep], holds: Callable[[str], bool] = lambda fact: True
+    ) -> list[Collision]:
+        """Return the collisions with what may be there, in the order of the motion."""
         collisions: list[tuple[float, Collision]] = []
         for sweep in sweeps:
             for obstacle in self.planner.obstacles:
                 if obstacle.body in sweep.spares or not obstacle.stops(load=sweep.is_load):
+                    continue
+                if obstacle.fact is not None and not holds(obstacle.fact):
                     continue
                 tolerance_m = self.planner.tolerance_m + sweep.overlaps_m.get(obstacle.body, 0.0)
                 touch = sweep.touch(obstacle, tolerance_m, self.planner.samples)

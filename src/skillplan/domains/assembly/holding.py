@@ -359,22 +359,28 @@ def _cross_mesh(shape: Mesh, start: Point, direction: Point) -> tuple[float, flo
 
 def _list_crossings(shape: Mesh, start: Point, direction: Point) -> list[tuple[float, int]]:
     """Return where a line crosses faces of a mesh, with -1 into it and 1 out of it."""
-    met = []
-    for face in shape.faces:
-        a, b, c = (shape.corners[index] for index in face)
-        u, v = plus(b, a, -1.0), plus(c, a, -1.0)
-        normal = cross(u, v)
-        steep = dot(normal, direction)
-        if abs(steep) < 1e-18:
-            continue
-        distance = dot(normal, plus(a, start, -1.0)) / steep
-        inside = plus(plus(start, direction, distance), a, -1.0)
-        size = dot(normal, normal)
-        along_u = dot(cross(inside, v), normal) / size
-        along_v = dot(cross(u, inside), normal) / size
-        if min(along_u, along_v, 1 - along_u - along_v) >= -1e-9:
-            met.append((distance, 1 if steep > 0 else -1))
-    return met
+    box = shape.box
+    off = cross(plus(box.centre, start, -1.0), direction)
+    if dot(off, off) > dot(box.size, box.size) / 4 + _RIM_M:
+        # The line passes the sphere about the box.
+        return []
+    # Boards of boxes do without numpy.
+    import numpy as np
+
+    a, b, c = (shape.triangles[:, corner] for corner in range(3))
+    u, v = b - a, c - a
+    normals = np.cross(u, v)
+    steep = normals @ np.array(direction)
+    crossed = np.abs(steep) >= 1e-18
+    a, u, v, normals, steep = (values[crossed] for values in (a, u, v, normals, steep))
+    distances = np.einsum("ij,ij->i", normals, a - np.array(start)) / steep
+    inside = np.array(start) + distances[:, None] * np.array(direction) - a
+    sizes = np.einsum("ij,ij->i", normals, normals)
+    along_u = np.einsum("ij,ij->i", np.cross(inside, v), normals) / sizes
+    along_v = np.einsum("ij,ij->i", np.cross(u, inside), normals) / sizes
+    met = np.minimum(np.minimum(along_u, along_v), 1 - along_u - along_v) >= -1e-9
+    sides = np.where(steep[met] > 0, 1, -1)
+    return list(zip(distances[met].tolist(), sides.tolist(), strict=True))
 
 
 def _intersect(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:

@@ -14,17 +14,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
 from skillplan.errors import SkillplanError
 from skillplan.files.regular_file import CompanionFileError, find_companion, read_companion
 from skillplan.plugins.installed import list_mesh_readers
 from skillplan.task.motion import Point
 from skillplan.xml_tree import Element, XmlError, parse_xml
+
+if TYPE_CHECKING:
+    import trimesh
 
 MAX_CORNERS = 20_000
 """Greatest number of corners of a polyhedron."""
@@ -38,6 +40,8 @@ DECIMALS = 9
 # Tolerance of a corner outside the plane of a face, as a share of the greatest extent: files have
 # seven digits, and fewer for lengths far from the origin.
 _FLATNESS = 1e-5
+# Greatest number of corners times faces in one array.
+_MOST_PRODUCTS = 200_000
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -121,16 +125,17 @@ def build_polyhedron(
         raise MeshFileError(
             f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
         )
-    corners, faces = _separate_bodies(corners, faces)
-    surface = _orient_outward(corners, faces, is_connected=is_connected)
-    faces = np.asarray(surface.faces)
     longest_m = float(size.max())
-    volume_m3 = float(surface.volume)
+    volume_m3 = _measure_outward_m3(corners, faces)
+    if volume_m3 is None:
+        corners, faces = _separate_bodies(corners, faces)
+        surface = _orient_outward(corners, faces, is_connected=is_connected)
+        faces, volume_m3 = np.asarray(surface.faces), float(surface.volume)
     if not (math.isfinite(volume_m3) and volume_m3 > 1e-6 * longest_m * LEAST_EXTENT_M**2):
         raise MeshFileError("It encloses no volume; give it a thickness.")
     return Polyhedron(
-        tuple((float(x), float(y), float(z)) for x, y, z in corners),
-        tuple((int(a), int(b), int(c)) for a, b, c in faces),
+        tuple((x, y, z) for x, y, z in corners.tolist()),
+        tuple((a, b, c) for a, b, c in faces.tolist()),
         (float(size[0]), float(size[1]), float(size[2])),
         sha256,
         _is_convex(corners, faces, longest_m),
@@ -138,6 +143,21 @@ def build_polyhedron(
         if middle is None
         else (float(middle[0]), float(middle[1]), float(middle[2])),
     )
+
+
+def _measure_outward_m3(corners: Floats, faces: Indices) -> float | None:
+    """Return the volume within closed bodies [m3]; None unless all faces look outward."""
+    begins, ends = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    there, back = begins * len(corners) + ends, ends * len(corners) + begins
+    order, mates = np.argsort(there), np.argsort(back)
+    if (np.diff(there[order]) == 0).any() or (there[order] != back[mates]).any():
+        # An edge is not one between two faces that run along it in opposite ways.
+        return None
+    bodies = _label_connected(np.column_stack([order, mates]) // 3, len(faces))
+    a, b, c = (corners[faces[:, corner]] for corner in range(3))
+    volumes_m3 = np.bincount(bodies, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
+    is_outward = (volumes_m3[np.unique(bodies)] > 0).all()
+    return float(volumes_m3.sum()) if is_outward else None
 
 
 def _merge_corners(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
@@ -163,6 +183,9 @@ def _separate_bodies(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
     MeshFileError
         If faces at such an edge are turned inward.
     """
+    # trimesh takes a second to import, and most files do without.
+    import trimesh
+
     surface = trimesh.Trimesh(corners, faces, process=False)
     if surface.is_watertight:
         return corners, faces
@@ -228,6 +251,8 @@ def _orient_outward(
     corners: Floats, faces: Indices, *, is_connected: bool = False
 ) -> trimesh.Trimesh:
     """Return the surface with its faces turned outward, each connected body by itself."""
+    import trimesh
+
     surface = trimesh.Trimesh(corners, faces, process=False)
     if not surface.is_watertight:
         raise MeshFileError(
@@ -246,10 +271,14 @@ def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
     a, b, c = (corners[faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
-    tolerance_m = max(_FLATNESS * longest_m, 1e-8)
+    sound = np.flatnonzero(lengths > 1e-12 * longest_m**2)
+    a, normals = a[sound], normals[sound]
+    levels = np.einsum("ij,ij->i", a, normals)
+    highest = levels + max(_FLATNESS * longest_m, 1e-8) * lengths[sound]
+    step = max(1, _MOST_PRODUCTS // len(corners))
     return all(
-        float(((corners - a[i]) @ normals[i]).max()) <= tolerance_m * lengths[i]
-        for i in np.flatnonzero(lengths > 1e-12 * longest_m**2)
+        bool((corners @ normals[some].T <= highest[some]).all())
+        for some in (slice(first, first + step) for first in range(0, len(sound), step))
     )
 
 
@@ -338,8 +367,31 @@ def parse_mesh(content: bytes, suffix: str) -> tuple[Floats, Indices]:
         faces = [item.faces + start for item, start in zip(objects, starts[:-1], strict=True)]
         return np.concatenate(corners), np.concatenate([np.zeros((0, 3), np.int64), *faces])
     with _refuse_unread(suffix):
-        mesh = _load_scene(content, suffix).to_mesh()
-        return _check_table(mesh.vertices, mesh.faces)
+        table = _parse_plain_obj(content) if suffix == ".obj" else None
+        if table is None:
+            mesh = _load_scene(content, suffix).to_mesh()
+            table = mesh.vertices, mesh.faces
+        return _check_table(*table)
+
+
+def _parse_plain_obj(content: bytes) -> tuple[Floats, Indices] | None:
+    """Return corners and triangles of an OBJ file of named triangles; None for other files."""
+    lines = [line for line in content.splitlines() if not line.startswith(b"o ")]
+    corners = [line[2:] for line in lines if line.startswith(b"v ")]
+    faces = [line[2:] for line in lines if line.startswith(b"f ")]
+    numbers, indices = b" ".join(corners).split(), b" ".join(faces).split()
+    is_plain = (
+        len(corners) + len(faces) == len(lines)
+        and len(numbers) == 3 * len(corners)
+        and len(indices) == 3 * len(faces)
+        and all(map(bytes.isdigit, indices))
+    )
+    if not is_plain:
+        return None
+    return (
+        np.array(numbers, dtype=np.float64).reshape(-1, 3),
+        np.array(indices, dtype=np.int64).reshape(-1, 3) - 1,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -372,6 +424,8 @@ def parse_objects(content: bytes, suffix: str) -> list[MeshObject]:
     """
     if suffix == ".3mf":
         return _parse_3mf(content)
+    import trimesh
+
     with _refuse_unread(suffix):
         scene = _load_scene(content, suffix)
         return [
@@ -399,6 +453,8 @@ def _place_object(scene: Any, node: Any) -> MeshObject:
 
 def _load_scene(content: bytes, suffix: str) -> Any:
     """Return a file as a scene of trimesh; raises the exceptions of its parsers."""
+    import trimesh
+
     if suffix == ".glb":
         _check_glb(content)
     # Faces of several materials are one mesh.
@@ -707,9 +763,18 @@ def _parse_pieces(
 
 def _split_components(faces: Indices, count: int) -> list[Indices]:
     """Return the faces of each connected body, in the order of the file."""
-    geometry: Any = trimesh.geometry
-    graph: Any = trimesh.graph
-    edges = geometry.faces_to_edges(faces)
-    labels = graph.connected_component_labels(edges, node_count=count)[faces[:, 0]]
+    labels = _label_connected(faces, count)[faces[:, 0]]
     _, first = np.unique(labels, return_index=True)
     return [faces[labels == labels[index]] for index in np.sort(first)]
+
+
+def _label_connected(groups: Indices, count: int) -> Indices:
+    """Return a label of each number below `count`, the same for all that groups connect."""
+    labels = np.arange(count)
+    while True:
+        lower = labels.copy()
+        np.minimum.at(lower, groups, labels[groups].min(axis=1, keepdims=True))
+        lower = lower[lower]
+        if (lower == labels).all():
+            return labels
+        labels = lower

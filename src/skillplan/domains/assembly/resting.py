@@ -117,10 +117,15 @@ def _find_left_behind(config: AssemblyConfig) -> Iterator[Issue]:
     if not config.workholders:
         return
     stage = _collect_goals(config)
+    workholder_of = {name: find_workholder(config, name) for name in stage.solids}
     for name in config.moved_parts:
-        own = find_workholder(config, name)
+        own = workholder_of[name]
+        may_fail = [other for other, turns in workholder_of.items() if turns not in (None, own)]
+        if not any(_is_bearing(stage.solids[other], stage.solids[name]) for other in may_fail):
+            # The areas of contacts take long.
+            continue
         for rest in _find_rests(stage, name):
-            turns = find_workholder(config, rest.on)
+            turns = workholder_of.get(rest.on)
             if turns is None or turns == own:
                 continue
             words = f"{name!r} stands on {rest.on!r}, which turns"

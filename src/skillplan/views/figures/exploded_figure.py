@@ -212,10 +212,9 @@ def list_added_parts(added: Iterable[AddedBody]) -> list[AddedPart]:
     ]
 
 
-def render_exploded_png(name: str, added: Sequence[AddedBody]) -> bytes:
-    """Return the exploded view of a product as PNG; equal bodies make equal bytes."""
-    figure = draw_product(name, added).figure
-    return render_figure(figure, ".png", round(PIXELS_PER_IN * _PNG_SCALE))
+def render_exploded_png(picture: Picture) -> bytes:
+    """Return an exploded view as PNG; equal pictures make equal bytes."""
+    return render_figure(picture.figure, ".png", round(PIXELS_PER_IN * _PNG_SCALE))
 
 
 def _draw_exploded(name: str, pieces: Sequence[Piece]) -> Picture:

@@ -40,9 +40,10 @@ def render_figure(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     if suffix not in SUFFIXES:
         raise ValueError(f"A figure is saved as one of {', '.join(SUFFIXES)}, not {suffix!r}.")
     content = io.BytesIO()
-    for text in figure.findobj(Text):
-        # Titles and labels contain names from documents.
-        text.set_text(escape(text.get_text()))
+    # Titles and labels contain names from documents.
+    texts = [(text, text.get_text()) for text in figure.findobj(Text)]
+    for text, words in texts:
+        text.set_text(escape(words))
     for image in figure.findobj(AxesImage):
         # An SVG holds images as they are; a PNG resamples them.
         image.set_interpolation("none" if suffix == ".svg" else "antialiased")
@@ -54,6 +55,8 @@ def render_figure(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
             FigureCanvasSVG(figure)
             nothing = {"Date": None, "Creator": None}
             figure.savefig(content, format="svg", metadata=nothing)
+    for text, words in texts:
+        text.set_text(words)
     return content.getvalue()
 
 

@@ -19,7 +19,7 @@ from skillplan.views.figures.exploded_figure import (
 )
 from skillplan.views.figures.exploded_labels import MOST_NAMED
 from skillplan.views.figures.nest_figure import draw_nest, list_nest_facts, render_nest_png
-from skillplan.views.figures.picture import COLOURS
+from skillplan.views.figures.picture import COLOURS, Picture
 from skillplan.views.playback.document import Playback
 from skillplan.views.playback.meshes import coarsen
 from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers
@@ -50,14 +50,17 @@ def draw_import(
     drawings = {
         f"nests/{nest['name']}.png": render_nest_png(nest) for nest in document.get("nests", [])
     }
+    picture = draw_product(document["product"], added)
     return {
         **drawings,
-        "exploded.png": render_exploded_png(document["product"], added),
-        "import.html": render_import_page(document, relation, added),
+        "exploded.png": render_exploded_png(picture),
+        "import.html": render_import_page(document, relation, added, picture),
     }
 
 
-def render_import_page(document: _Document, relation: _Document, added: Sequence[AddedBody]) -> str:
+def render_import_page(
+    document: _Document, relation: _Document, added: Sequence[AddedBody], picture: Picture
+) -> str:
     """Return the page of an imported product.
 
     Parameters
@@ -68,12 +71,14 @@ def render_import_page(document: _Document, relation: _Document, added: Sequence
         ``skillplan.relation/1``.
     added
         Bodies in the order of the plan, at least one.
+    picture
+        Exploded view of these bodies.
     """
     pieces = take_apart(list_added_parts(added))
     player = load_player()
     playback = _ProductPlayback(document["product"], pieces)
     sections = [
-        _build_playback(document, added, playback, playable=player is not None),
+        _build_playback(picture, playback, playable=player is not None),
         _build_reasons(document),
         _build_parts(document, playback.starts_s),
         _build_blockings(document, relation),
@@ -121,14 +126,7 @@ def describe_coverage(in_task: int, total: int) -> str:
     return f"{in_task} of {total} parts of the product are in the task; {total - in_task} left out."
 
 
-def _build_playback(
-    document: _Document,
-    added: Sequence[AddedBody],
-    playback: _ProductPlayback,
-    *,
-    playable: bool,
-) -> Section:
-    picture = draw_product(document["product"], added)
+def _build_playback(picture: Picture, playback: _ProductPlayback, *, playable: bool) -> Section:
     still = caption_picture(picture, "exploded", "Exploded along the moves of the plan.")
     shown = playback.document() if playable else None
     section = build_playback_section(shown, still, "the player is not built")

@@ -24,6 +24,7 @@ from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.arm_bodies import (
     ArmBodies,
+    MovingSolid,
     Vector,
     build_arm_solids,
     build_held_solid,
@@ -324,6 +325,8 @@ class SelfCheck:
         self._solids = build_arm_solids(arm)
         self._data = arm.model.createData()
         self._known: dict[tuple[_Key, ...], ContinuousCheck] = {}
+        # Hands are held alike in most motions, and hulls take long.
+        self._held: dict[_Key, MovingSolid] = {}
 
     def first_hit(self, path: JointPath, *held: tuple[Held, Vector]) -> Hit | None:
         """Return the first contact of links or held pieces with a link or the base, or None.
@@ -388,11 +391,11 @@ class SelfCheck:
             return self._links
         key = tuple(ends)
         if key not in self._known:
-            held = [
-                build_held_solid(end.name, self.arm.joints, end.piece, end.back)
-                for end in ends.values()
-            ]
-            solids = (*self._solids, *held)
+            for own_key, end in ends.items():
+                if own_key not in self._held:
+                    solid = build_held_solid(end.name, self.arm.joints, end.piece, end.back)
+                    self._held[own_key] = solid
+            solids = (*self._solids, *(self._held[own_key] for own_key in key))
             self._known[key] = ContinuousCheck(
                 ArmBodies(self.arm.model, solids, self.arm.home_rad, self._links.bodies), ()
             )
