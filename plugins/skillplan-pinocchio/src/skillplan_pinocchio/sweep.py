@@ -92,14 +92,33 @@ class Sweep:
         samples
             Number of equal intervals of the line in which the first contact is searched, >= 1.
         """
-        touches = [
-            touch
+        pairs = [
+            (self._find_entry(piece, other), piece, swept, other)
             for piece, swept in zip(self.pieces, self._swept, strict=True)
             for other in obstacle.pieces
             if may_touch(swept, other, tolerance_m)
-            and (touch := self._touch(piece, swept, other, tolerance_m, samples)) is not None
         ]
-        return min(touches, key=lambda touch: touch.fraction, default=None)
+        # The first in the order of the pieces, of contacts at one place.
+        chosen: tuple[float, int] = (math.inf, 0)
+        first: Touch | None = None
+        for order in sorted(range(len(pairs)), key=lambda order: pairs[order][0]):
+            entry, piece, swept, other = pairs[order]
+            if entry - 1 / samples > chosen[0]:
+                break
+            touch = self._touch(piece, swept, other, tolerance_m, samples)
+            if touch is not None and (touch.fraction, order) < chosen:
+                chosen, first = (touch.fraction, order), touch
+        return first
+
+    def _find_entry(self, piece: ConvexPiece, other: ConvexPiece) -> float:
+        """Return the fraction of the line before which the boxes of two pieces are apart."""
+        entry = 0.0
+        for axis, by_m in enumerate(self.by):
+            if by_m:
+                gap_m = other.low[axis] - piece.high[axis]
+                back_m = other.high[axis] - piece.low[axis]
+                entry = max(entry, (gap_m if by_m > 0 else back_m) / by_m)
+        return entry
 
     def _touch(
         self,
