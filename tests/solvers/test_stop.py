@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.solvers import Plan, Progress, Stop, relative_gap
+from situations import two_roads_task
+from skillplan.solvers import Plan, Policy, Progress, Solution, Stop, relative_gap
 from skillplan.solvers import stop as stops
 from skillplan.workers import measure_resident_bytes, measure_resident_bytes_of, processes
 
@@ -336,3 +337,41 @@ def test_a_process_file_that_cannot_be_read_is_left_alone(monkeypatch, tmp_path,
     (tmp_path / "statm").write_text(text)
     monkeypatch.setattr(processes, "_STATM", tmp_path / "statm")
     assert measure_resident_bytes() > 10 * MIB
+
+
+# What a solver hands over.
+
+
+@pytest.mark.parametrize("skills", [["a"], "a", (1,), None, (None,)])
+def test_a_plan_is_a_tuple_of_names(skills):
+    """Whatever else a solver might take for one."""
+    with pytest.raises(ValueError, match="tuple of skill names"):
+        Plan(skills)
+
+
+def test_a_bound_of_a_solution_is_a_number():
+    """NaN is none."""
+    with pytest.raises(ValueError, match="lower bound must be a number"):
+        Solution(lower_bound=math.nan)
+
+
+def test_a_solution_is_a_plan_or_a_policy_or_nothing():
+    """Each is shown as what it is."""
+    task = two_roads_task()
+    plan, policy = Plan(("to_b", "finish"), 4.0), Policy({task.initial: task.skills[0]})
+    assert (Solution(plan).plan, Solution(plan).policy) == (plan, None)
+    assert (Solution(policy).plan, Solution(policy).policy) == (None, policy)
+    assert (Solution().plan, Solution().policy) == (None, None)
+    assert len(plan) == 2
+
+
+def test_a_policy_is_a_mapping_that_cannot_be_changed():
+    """Not through what it was made from either."""
+    task = two_roads_task()
+    choices = {task.initial: task.skills[0]}
+    policy = Policy(choices)
+    choices.clear()
+    assert list(policy.items()) == [(task.initial, task.skills[0])]
+    assert repr(policy) == "Policy(1 states)"
+    with pytest.raises(TypeError):
+        policy[task.initial] = task.skills[1]

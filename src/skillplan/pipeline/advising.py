@@ -84,6 +84,21 @@ class _Tally:
     planned: int = 0
     best: dict[str, Tip] = field(default_factory=dict)
 
+    def add(self, change: CellChange, result: Result, base_cost: float) -> float | None:
+        """Count the result of a change, and return its saving; None without a plan."""
+        self.tried += 1
+        self.wrong += result.status is Status.WRONG
+        self.planned += result.cost is not None
+        saving = None if result.cost is None else base_cost - result.cost
+        if saving is None or saving <= tolerance(base_cost):
+            self.useless += 1
+        else:
+            tip = Tip(change.item, change.words, change.changes, result, saving)
+            now = self.best.get(change.item)
+            if now is None or saving > now.saving:
+                self.best[change.item] = tip
+        return saving
+
 
 def advise(
     problem: Problem,
@@ -162,17 +177,7 @@ def advise(
         if result is None:
             tally.refused += 1
             continue
-        tally.tried += 1
-        tally.wrong += result.status is Status.WRONG
-        tally.planned += result.cost is not None
-        saving = None if result.cost is None else base.cost - result.cost
-        if saving is None or saving <= tolerance(base.cost):
-            tally.useless += 1
-        else:
-            tip = Tip(change.item, change.words, change.changes, result, saving)
-            now = tally.best.get(change.item)
-            if now is None or saving > now.saving:
-                tally.best[change.item] = tip
+        saving = tally.add(change, result, base.cost)
         on_try(Try(tally.tried, tries, change.words, saving))
     left = sum(len(item.changes) for item in items)
     tips = sorted(tally.best.values(), key=lambda tip: -tip.saving)[:MOST_LISTED]
