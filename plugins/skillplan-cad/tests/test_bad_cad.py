@@ -317,10 +317,7 @@ def test_a_texture_that_is_missing_prints_nothing(capfd, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ("1.E999", "has '1.E999', which is not finite. Correct it in CAD."),
-    ],
+    ("change", "words"), [("1.E999", "has '1.E999', which is not finite. Correct it in CAD.")]
 )
 @pytest.mark.slow(reason="starts OCCT; what it makes of such numbers is refused in every run")
 def test_a_coordinate_that_no_product_has_is_refused_by_its_point(capsys, tmp_path, change, words):

@@ -116,10 +116,7 @@ def test_fasteners_do_not_depend_on_the_frame(tmp_path_factory, turn):
 
 def test_a_name_counts_only_if_the_shape_agrees(tmp_path):
     """A flat block named a screw and a plug named a nut are parts, and the output says so."""
-    parts = screwed() | {
-        "side screw": cuboid(15, -10, -15, 35, 10, -5),
-        "nut": rod(3, -20, -15),
-    }
+    parts = screwed() | {"side screw": cuboid(15, -10, -15, 35, 10, -5), "nut": rod(3, -20, -15)}
     joints = find(tmp_path / "stl", parts)
     assert [item.part for item in joints.fasteners] == [SCREW]
     assert [note.partition(": ")[0] for note in joints.notes] == [

@@ -159,8 +159,7 @@ def test_a_bound_is_never_above_a_time_with_slow_areas_and_playback_takes_that_t
 
 
 @pytest.mark.parametrize(
-    ("length_m", "height_m", "is_slow"),
-    [(0.34, [0.2, 0.26], True), (0.08, [0.15, 0.21], False)],
+    ("length_m", "height_m", "is_slow"), [(0.34, [0.2, 0.26], True), (0.08, [0.15, 0.21], False)]
 )
 def test_the_limit_holds_for_the_tip_of_the_tool(length_m, height_m, is_slow):
     """The tip of the arm is above that of a long tool, and below that of a short one."""

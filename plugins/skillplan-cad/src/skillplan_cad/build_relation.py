@@ -167,10 +167,7 @@ def _find_waived(joints: Joints, threads: Threads) -> set[tuple[str, str, int]]:
 
 
 def _mark_threads(
-    contacts: Sequence[Contact],
-    fasteners: Sequence[Fastener],
-    threads: Threads,
-    tolerance_m: float,
+    contacts: Sequence[Contact], fasteners: Sequence[Fastener], threads: Threads, tolerance_m: float
 ) -> tuple[Contact, ...]:
     """Return contacts with threads marked, and the allowed overlaps of fasteners."""
     if threads == "solid":

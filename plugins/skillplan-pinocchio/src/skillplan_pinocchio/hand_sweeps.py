@@ -224,10 +224,7 @@ class HandSweeps:
             loads = [*self._load(label, motion, motion.carries, begin, _subtract(begin, target))]
             if label == "the insertion" and motion.drop_m:
                 loads += self._load(label, motion, motion.carries, begin, _subtract(begin, end))
-            yield (
-                *loads,
-                *self._hands(label, motion, begin, _subtract(begin, end), after=False),
-            )
+            yield (*loads, *self._hands(label, motion, begin, _subtract(begin, end), after=False))
 
     def retreat(self, motion: LinearMotion) -> Iterator[tuple[Sweep, ...]]:
         """Yield the sweeps of each straight stretch back to safe height, in order."""

@@ -355,10 +355,7 @@ def _measure_length_m(mover: _Placed, other: _Placed, along: Point) -> float:
 
 
 def _measure_clearance_m(
-    moving: Sequence[ConvexPiece],
-    standing: Sequence[ConvexPiece],
-    along: Point,
-    length_m: float,
+    moving: Sequence[ConvexPiece], standing: Sequence[ConvexPiece], along: Point, length_m: float
 ) -> float:
     """Return the minimum distance of meshes along an insertion, off their seat [m]."""
     begin_m = min(_OFF_SEAT_M, length_m / 2)

@@ -38,11 +38,7 @@ from skillplan_simulation.execution.plan_execution import (
 from skillplan_simulation.execution.workcell import Workcell
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.record import Record
-from skillplan_simulation.verdicts import (
-    Tolerances,
-    check_postcondition,
-    select_judges,
-)
+from skillplan_simulation.verdicts import Tolerances, check_postcondition, select_judges
 
 # Engine and detectors are queried in turn about the same skill and state.
 _KEPT_RECORDS = 8
@@ -78,10 +74,7 @@ class SimulatingEngine(Engine):
             description="maximum rotation of a part at rest from its goal [rad]",
         )
         held_tolerance_m: float = Field(
-            default=0.003,
-            gt=0,
-            le=0.05,
-            description="maximum slip of a part in the hand [m]",
+            default=0.003, gt=0, le=0.05, description="maximum slip of a part in the hand [m]"
         )
         min_fastening_force_n: float = Field(
             default=3.0,

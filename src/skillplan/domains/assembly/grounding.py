@@ -22,11 +22,7 @@ from skillplan.domains.assembly.cost_schema import (
     weigh_cost,
 )
 from skillplan.domains.assembly.feeding import add_waits, find_supply
-from skillplan.domains.assembly.gripping import (
-    choose_tool_kind,
-    describe_candidates,
-    list_grasps,
-)
+from skillplan.domains.assembly.gripping import choose_tool_kind, describe_candidates, list_grasps
 from skillplan.domains.assembly.holding import name_direction
 from skillplan.domains.assembly.insertion import (
     list_buffer_visits,
@@ -486,12 +482,7 @@ class _Grounding:
             yield self._select_by(self._build_place_by_hold(name, turn, holds), given)
 
     def _build_pick_by_hold(
-        self,
-        name: str,
-        pick: str,
-        buffer: str | None,
-        holds: Sequence[str | None],
-        number: int,
+        self, name: str, pick: str, buffer: str | None, holds: Sequence[str | None], number: int
     ) -> Skill:
         """Return the pick of a part with one of its grasps, from its start or a buffer."""
         part, hold = self.config.parts[name], holds[number]
@@ -601,12 +592,7 @@ class _Grounding:
         )
 
     def _build_place(
-        self,
-        name: str,
-        option: vocabulary.PlaceOption,
-        turn: Orientation,
-        label: str,
-        tool: str,
+        self, name: str, option: vocabulary.PlaceOption, turn: Orientation, label: str, tool: str
     ) -> Skill:
         other = option.done if option.done != name else name
         is_only = len(vocabulary.list_place_options(self.config, name)) == 1

@@ -96,12 +96,7 @@ class BlockingTest:
         """Return all parts as seen along the last row of a frame."""
         views = [RayView(mesh, frame) for mesh in self.meshes]
         return [
-            Side(
-                view,
-                Outline(mesh, view, edges),
-                view.flat.min(axis=0),
-                view.flat.max(axis=0),
-            )
+            Side(view, Outline(mesh, view, edges), view.flat.min(axis=0), view.flat.max(axis=0))
             for mesh, view, edges in zip(self.meshes, views, self._edges, strict=True)
         ]
 

@@ -43,9 +43,7 @@ class Outline:
         normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / length[:, None]
         # The triangle that faces the direction more lies inside the outline.
         inner = np.where(
-            np.abs(facing[turned[:, 2]]) >= np.abs(facing[turned[:, 3]]),
-            turned[:, 2],
-            turned[:, 3],
+            np.abs(facing[turned[:, 2]]) >= np.abs(facing[turned[:, 3]]), turned[:, 2], turned[:, 3]
         )
         middle = flat[mesh.triangles[inner]].mean(axis=1)
         inwards = np.einsum("ij,ij->i", middle - self.start, normal) >= 0

@@ -84,10 +84,7 @@ class Confirmation:
     """
 
     def __init__(
-        self,
-        product: Product,
-        tolerance_m: float,
-        must_stop: Callable[[], bool] = lambda: False,
+        self, product: Product, tolerance_m: float, must_stop: Callable[[], bool] = lambda: False
     ) -> None:
         self._product, self._must_stop = product, must_stop
         self.left = 0

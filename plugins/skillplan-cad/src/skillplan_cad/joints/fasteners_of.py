@@ -163,11 +163,7 @@ class _Search:
     """The parts of a product about their axes, and what surrounds them."""
 
     def __init__(
-        self,
-        product: Product,
-        test: BlockingTest,
-        contacts: Sequence[Contact],
-        tolerance_m: float,
+        self, product: Product, test: BlockingTest, contacts: Sequence[Contact], tolerance_m: float
     ) -> None:
         self._product, self._test = product, test
         self._contacts, self._tolerance_m = contacts, tolerance_m

@@ -14,13 +14,7 @@ from skillplan.files.json_file import format_document
 from skillplan.files.output_path import check_output_folder
 from skillplan.records.schemas import NEST
 from skillplan_cad.importing.import_cad import write
-from skillplan_cad.nests.nest import (
-    KeepFree,
-    Nest,
-    NestSettings,
-    build_jaws,
-    build_nest,
-)
+from skillplan_cad.nests.nest import KeepFree, Nest, NestSettings, build_jaws, build_nest
 from skillplan_cad.nests.nest_check import check_nest, drop_bad_coarse, measure_blocked_mm3
 from skillplan_cad.nests.nest_document import build_nest_document, format_nest_files
 from skillplan_cad.nests.stepped_mesh import Body
@@ -144,11 +138,7 @@ def make_nest(
     for label, nest in nests.items():
         regions = free if options.kind != "jaws" else []
         check = check_nest(
-            bodies,
-            nest,
-            regions,
-            stands=options.kind != "jaws",
-            may_turn=options.kind != "nut",
+            bodies, nest, regions, stands=options.kind != "jaws", may_turn=options.kind != "nut"
         )
         entry = build_nest_document(label, nest, check, product.parts)
         entries.append(entry)
@@ -175,10 +165,7 @@ def make_nest(
 
 
 def _build(
-    bodies: Sequence[Body],
-    options: NestOptions,
-    settings: NestSettings,
-    free: Sequence[KeepFree],
+    bodies: Sequence[Body], options: NestOptions, settings: NestSettings, free: Sequence[KeepFree]
 ) -> dict[str, Nest]:
     """Return nests by their name."""
     up = ATTITUDES[options.up]

@@ -11,11 +11,7 @@ import numpy as np
 from skillplan.errors import OptionError
 from skillplan_cad.nests.nest import NestSettings
 from skillplan_cad.nests.nest_check import drop_bad_coarse
-from skillplan_cad.nests.nest_document import (
-    build_nest_document,
-    find_origin_m,
-    format_nest_files,
-)
+from skillplan_cad.nests.nest_document import build_nest_document, find_origin_m, format_nest_files
 from skillplan_cad.nests.planned_nests import (
     NEST_FOLDER,
     Way,
@@ -249,11 +245,7 @@ def cut_task_nest(
     held_m = min(max(_DEPTH_SHARE * height_m, _SHALLOW_M), _DEEPEST_M, height_m)
     held_m = max(min(held_m, _SHALLOW_M) if is_shallow else held_m, _THINNEST_M)
     settings = replace(
-        usual,
-        depth_m=below_m + held_m,
-        base_m=usual.base_m + raise_m,
-        layer_m=_LAYER_M,
-        pin_m=0.0,
+        usual, depth_m=below_m + held_m, base_m=usual.base_m + raise_m, layer_m=_LAYER_M, pin_m=0.0
     )
     try:
         nest, check = build_checked_nest(seated, room, settings, up, free, _SAMPLES)

@@ -354,10 +354,7 @@ class Planner:
         self._tools = _tools(relation)
 
     def plan(
-        self,
-        base: str | None = None,
-        up: Vector = (0.0, 0.0, 1.0),
-        grounded: Collection[str] = (),
+        self, base: str | None = None, up: Vector = (0.0, 0.0, 1.0), grounded: Collection[str] = ()
     ) -> AssemblyPlan:
         """Plan the assembly onto a base.
 
@@ -428,11 +425,7 @@ class Planner:
             if self._watch.must_stop():
                 work.cheapest = False
             sequencer = Sequencer(
-                work.precedence,
-                tuple(work.directions),
-                self._touches,
-                self._stability,
-                self._tools,
+                work.precedence, tuple(work.directions), self._touches, self._stability, self._tools
             )
             sequence = sequencer.sequence(present, base, up)
             for removal in sequence.removals:

@@ -10,13 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_cad.product import Face, Points, Triangles
-from skillplan_cad.reading.raw_part import (
-    Measure,
-    Mended,
-    RawPart,
-    compute_area_vectors_m2,
-    cross,
-)
+from skillplan_cad.reading.raw_part import Measure, Mended, RawPart, compute_area_vectors_m2, cross
 
 # Distances below which vertices are merged, in part sizes; coordinates have single precision.
 _SAME, _NEARLY_SAME = 1e-7, 2e-6

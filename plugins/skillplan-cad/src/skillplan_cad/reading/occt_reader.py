@@ -50,12 +50,7 @@ from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
 from skillplan.files.regular_file import read_bytes
 from skillplan_cad.product import Face, FaceKind, Vector
-from skillplan_cad.reading.mending import (
-    compute_volumes_m3,
-    join,
-    mend,
-    merge_equal_vertices,
-)
+from skillplan_cad.reading.mending import compute_volumes_m3, join, mend, merge_equal_vertices
 from skillplan_cad.reading.names import clean_name, is_label, says_nothing
 from skillplan_cad.reading.raw_part import (
     MOST_PARTS,

@@ -19,13 +19,7 @@ from scipy.spatial import cKDTree
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.regular_file import is_folder, is_regular
 from skillplan_cad.product import Closure, Part, Points, Product, Triangles, make_solid
-from skillplan_cad.reading.mending import (
-    compute_centre_m,
-    compute_volumes_m3,
-    join,
-    split,
-    thicken,
-)
+from skillplan_cad.reading.mending import compute_centre_m, compute_volumes_m3, join, split, thicken
 from skillplan_cad.reading.mesh_folder import SCENES, UNITS_M, read_folder, read_scene
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
 from skillplan_cad.reading.raw_part import (
@@ -440,11 +434,7 @@ def _join(meshes: list[Mended], chosen: Sequence[Mended]) -> tuple[list[Mended],
 
 
 def _get_geometry(part: RawPart) -> dict[str, Any]:
-    return {
-        "vertices_m": part.vertices_m,
-        "triangles": part.triangles,
-        "faces": part.faces,
-    }
+    return {"vertices_m": part.vertices_m, "triangles": part.triangles, "faces": part.faces}
 
 
 def _measure_volume_m3(mesh: Mended) -> float:

@@ -205,11 +205,7 @@ def _restrict(relation: Relation, kept: Collection[str]) -> Relation:
 
 
 def join_groups(
-    product: Product,
-    relation: Relation,
-    plan: AssemblyPlan,
-    groups: Iterable[Group],
-    up: Vector,
+    product: Product, relation: Relation, plan: AssemblyPlan, groups: Iterable[Group], up: Vector
 ) -> Joined:
     """Return a product, its relation and its plan with each group as one part."""
     taken = {part.name for part in product}

@@ -315,11 +315,7 @@ class TaskTrials:
                 self._moved[name] = _list_motions(task, name)
 
     def _find_order(
-        self,
-        task: Task,
-        config: AssemblyConfig,
-        feasibility: Feasibility,
-        preferred: Sequence[str],
+        self, task: Task, config: AssemblyConfig, feasibility: Feasibility, preferred: Sequence[str]
     ) -> Trial:
         """Return the order of the whole task, or the parts that are in none."""
         needs: dict[str, Collection[str]] = {

@@ -54,9 +54,7 @@ class JointPath:
         q0, q1 = self.nodes[number], self.nodes[number + 1]
         m0, m1 = self._bends[number], self._bends[number + 1]
         v = 1 - u
-        return np.asarray(
-            v * q0 + u * q1 + step**2 / 6 * ((v**3 - v) * m0 + (u**3 - u) * m1),
-        )
+        return np.asarray(v * q0 + u * q1 + step**2 / 6 * ((v**3 - v) * m0 + (u**3 - u) * m1))
 
     @cached_property
     def cubics(self) -> Array:

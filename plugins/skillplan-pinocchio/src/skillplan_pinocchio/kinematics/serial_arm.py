@@ -50,10 +50,7 @@ class SerialArm:
     """
 
     def __init__(
-        self,
-        description: ArmDescription,
-        base: Any = _NOWHERE,
-        tool: Transform = _NOWHERE,
+        self, description: ArmDescription, base: Any = _NOWHERE, tool: Transform = _NOWHERE
     ) -> None:
         self.description = description
         self.base = make_placement(base)

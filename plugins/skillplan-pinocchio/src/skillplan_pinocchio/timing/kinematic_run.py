@@ -9,12 +9,7 @@ from typing import Final
 import numpy as np
 
 from skillplan.physics.linear_motions import choose_opening_m, choose_visit_grasp
-from skillplan.physics.performance import (
-    MOST_PLAYED_S,
-    PerformedSkill,
-    PlannedMotion,
-    Sample,
-)
+from skillplan.physics.performance import MOST_PLAYED_S, PerformedSkill, PlannedMotion, Sample
 from skillplan.task.motion import Event, Visit
 from skillplan.task.pose import Pose
 from skillplan.task.scene import WORLD, Robot, Tool, ToolKind
@@ -47,13 +42,7 @@ class KinematicRun:
         Samples per second, >= 1.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        paths: ArmPaths,
-        limits: JointLimits,
-        frames_per_s: int,
-    ) -> None:
+    def __init__(self, task: Task, paths: ArmPaths, limits: JointLimits, frames_per_s: int) -> None:
         self.task = task
         self.robot: Robot = task.scene.robots[0]
         self.arm = paths.planner.arm

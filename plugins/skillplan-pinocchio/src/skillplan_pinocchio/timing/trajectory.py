@@ -156,11 +156,7 @@ class _Geometry:
 
 
 def _compute_rates(
-    slopes: Array,
-    bends: Array,
-    grid: Array,
-    limits: tuple[Array, Array],
-    most: Array | None,
+    slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array], most: Array | None
 ) -> Array | None:
     """Return the rates of the parameter on a grid from 0 to 1, or None if toppra fails."""
     speed, gain = limits
@@ -400,10 +396,7 @@ def find_fastest_trajectory(
 
 
 def _split(
-    path: JointPath,
-    run: GridRun,
-    limits: tuple[Array, Array],
-    limit_rates: RateLimits | None,
+    path: JointPath, run: GridRun, limits: tuple[Array, Array], limit_rates: RateLimits | None
 ) -> GridRun:
     """Return the run on a finer grid, or the same run if toppra finds none."""
     try:

@@ -171,12 +171,7 @@ def find_failure(record: Record, judges: Sequence[Judge]) -> Moment:
 
 
 def take_picture(
-    workcell: Workcell,
-    skill: Skill,
-    state: State,
-    judges: Sequence[Judge],
-    *,
-    blamed: bool = False,
+    workcell: Workcell, skill: Skill, state: State, judges: Sequence[Judge], *, blamed: bool = False
 ) -> Image:
     """Return a picture of the moment at which a skill fails, or of its end.
 

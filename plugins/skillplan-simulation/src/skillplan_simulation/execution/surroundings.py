@@ -321,11 +321,7 @@ class Surroundings:
         self.sweeps = Sweeps(task, clearance_m, press_travel_m)
 
     def around(
-        self,
-        skill: Skill,
-        planned: Sequence[ArmMotion],
-        state: State,
-        turn: Turn | None = None,
+        self, skill: Skill, planned: Sequence[ArmMotion], state: State, turn: Turn | None = None
     ) -> Neighbourhood:
         """Return the neighbourhood of a skill in a state, and of what a turn carries."""
         motions = tuple(planned_motion.motion for planned_motion in planned)

@@ -23,11 +23,7 @@ from skillplan_simulation.execution.controlled_robot import StuckError
 from skillplan_simulation.execution.fastenings import Fastenings
 from skillplan_simulation.execution.planned_paths import PlannedPaths, PlannedSkill
 from skillplan_simulation.execution.skill_runner import SkillRunner
-from skillplan_simulation.execution.surroundings import (
-    Located,
-    Neighbourhood,
-    Surroundings,
-)
+from skillplan_simulation.execution.surroundings import Located, Neighbourhood, Surroundings
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import UnreachableError
 from skillplan_simulation.record import Record
@@ -88,10 +84,7 @@ class SupportTrials:
                 below = [other.body.name for other in beneath.bodies if other is not body]
                 on = f"does not stay on {', '.join(below)}" if below else "has nothing beneath it"
                 return Fallen(
-                    name,
-                    f"{name} {on}: it falls before the robot has moved",
-                    present,
-                    absent,
+                    name, f"{name} {on}: it falls before the robot has moved", present, absent
                 )
         return None
 
@@ -210,10 +203,7 @@ class Workcell:
         self.supports = SupportTrials(task, self.surroundings, simulator.world)
 
     def execute(
-        self,
-        skill: Skill,
-        state: State,
-        watch: Callable[[SkillRunner], None] | None = None,
+        self, skill: Skill, state: State, watch: Callable[[SkillRunner], None] | None = None
     ) -> Record:
         """Execute a skill in a state in which it is applicable.
 
