@@ -373,7 +373,9 @@ SEAT, RING = (box(0, 0, 0, 60, 60, 20) - rod(30, 30, 13, 11.5, 20), rod(30, 30, 
 def test_a_part_whose_tools_were_not_all_tried_in_time_keeps_its_last_failure():
     """The time is over once the fingers have met the wall of the pocket."""
     trials = iter([True, True])
-    watch = Watch(attempt=lambda make, share: make() if share != 0.65 or next(trials, 0) else None)
+    watch = cad.Watch(
+        attempt=lambda make, share: make() if share != 0.65 or next(trials, 0) else None
+    )
     part = box(4.5, 2.6, 5, 10, 8.1, 12)
     task = assembled(("case", POCKET), ("part", part), watch=watch, up=UP)
     reason = task.left_out["part"]
@@ -568,9 +570,9 @@ def test_a_tray_keeps_parts_apart_and_within_reach(robot, nearest_m):
 
 
 def test_a_feeder_for_a_level_hand_stands_nearer_as_the_wrist_is_behind_the_part():
-    items = [Item(name, (0.2, 0.2, 0.02)) for name in ("left", "right")]
-    rod = Item("rod", (0.2, 0.01, 0.01), is_raised=True)
-    tray = lay_out_table((0.18, 0.15, 0.08), [rod, *items], "ur10e")
+    items = [cad.Item(name, (0.2, 0.2, 0.02)) for name in ("left", "right")]
+    rod = cad.Item("rod", (0.2, 0.01, 0.01), is_raised=True)
+    tray = cad.lay_out_table((0.18, 0.15, 0.08), [rod, *items], "ur10e")
     assert math.hypot(*tray.places["rod"]) < 0.87
 
 
