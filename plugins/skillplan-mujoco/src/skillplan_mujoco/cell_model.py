@@ -227,6 +227,9 @@ TIP = "tip"
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
 # Ratio of frictional to normal impedance, and iterations of the solver.
 _FRICTION_RATIO, _SOLVER_STEPS = 20.0, 100
+# Iterations and tolerance [-] of the solver's line searches. With MuJoCo's 50 and 0.01 a search
+# sometimes fails with contacts that are new, and light bodies keep the forces of the step before.
+_SEARCH_STEPS, _SEARCH_TOLERANCE = 200, 1e-4
 # Speed below which bodies that touch nothing awake sleep: they neither move nor have contacts until
 # something touches them [m/s]. Hundreds of contacts of bodies at rest took most of the time.
 _ASLEEP_M_PER_S = 1e-4
@@ -266,6 +269,7 @@ def build_cell_spec(
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = _FRICTION_RATIO
     option.iterations = _SOLVER_STEPS
+    option.ls_iterations, option.ls_tolerance = _SEARCH_STEPS, _SEARCH_TOLERANCE
     option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     option.sleep_tolerance = _ASLEEP_M_PER_S
     spec.compiler.balanceinertia = True

@@ -42,10 +42,11 @@ Vector = NDArray[np.float64]
 
 # Stiffness of the null-space motion towards the posture [1/s2].
 _NULLSPACE_STIFFNESS_PER_S2 = 400.0
-# Springs of a tip that yields, as of a compliance device [N/m], [N m/rad]; their damping ratio, and
-# steps of control in a step of the world: the hand is light.
+# Springs of a tip that yields, as of a compliance device [N/m], [N m/rad], and their damping ratio.
 SPRING_N_PER_M, _SPRING_NM_PER_RAD = 1e4, 200.0
-_SPRING_DAMPING, _SPRING_STEPS = 0.7, 4
+_SPRING_DAMPING = 0.7
+# Steps of control in a step of the world on springs, as the hand is light, and for falling parts.
+_FINE_STEPS = 4
 # Share of a joint's lag that position control removes in one step [-].
 _SERVO_SHARE = 0.3
 
@@ -318,8 +319,9 @@ class SimulatedArm(Arm):
 
     def actuate(self) -> None:
         """Set torques and jaw forces for the next step."""
-        # Servos of joints do not yield.
-        count = _SPRING_STEPS if self.yields and self.settings.control == "osc" else 1
+        # Servos of joints do not yield. A part that has sunk into many pieces is pushed aside.
+        is_fine = self.yields and self.settings.control == "osc"
+        count = _FINE_STEPS if is_fine or self.world.has_falling() else 1
         self.world.divide(count)
         self.world.prepare()
         self._move_jaws()

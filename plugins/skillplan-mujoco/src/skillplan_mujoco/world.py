@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -173,6 +174,8 @@ def multiply_matrices(left: Vector, right: Vector) -> Vector:
 _FAR_M, _FAST_M_PER_S = 10.0, 50.0
 # Distance below which bodies bear on each other [m].
 _NEAR_M = 0.0005
+# Speed at which a body that lands sinks a tenth of a millimetre in a step [m/s].
+_FALLING_M_PER_S = 1e-4 / STEP_S
 # Speed that wakes a body and moves it by nothing that counts [m/s].
 _WAKING_M_PER_S = 1e-12
 # MuJoCo's counter of a body that may sleep after ten steps at rest.
@@ -196,7 +199,8 @@ class World(simulator.World):
         # Contacts of the last step, once read; and those of bodies that sleep since.
         self._touches: list[Touch] | None = None
         self._resting: list[Touch] = []
-        # Numbers of the bodies that a skill moves, which stay awake.
+        # Bodies that a skill moves, which stay awake, and the numbers of their trees.
+        self._handled: list[str] = []
         self._moving: list[int] = []
         self.filters.set()
 
@@ -292,8 +296,27 @@ class World(simulator.World):
 
     def stand(self, moving: Iterable[str]) -> None:
         """Keep bodies that are moved awake: one at rest in the jaws must fall once they open."""
-        trees = [self.model.body_treeid[self.ids[name]] for name in moving if name in self.ids]
-        self._moving = [int(tree) for tree in trees if tree >= 0]
+        trees = {
+            name: int(self.model.body_treeid[self.ids[name]])
+            for name in sorted(moving)
+            if name in self.ids
+        }
+        self._handled = [name for name, tree in trees.items() if tree >= 0]
+        self._moving = [trees[name] for name in self._handled]
+
+    def has_falling(self) -> bool:
+        """Return whether a body that a skill moves is fast, and nothing holds it."""
+        model, data = self.model, self.data
+        for name in self._handled:
+            if name not in self.numbers:
+                continue
+            speed = data.qvel[self.cell.coordinates(name)[1]][:3].tolist()
+            if math.hypot(*speed) > _FALLING_M_PER_S:
+                number = self.numbers[name]
+                active = [bond for bond in self.cell.bonds if data.eq_active[bond]]
+                if not any(number in (model.eq_obj1id[b], model.eq_obj2id[b]) for b in active):
+                    return True
+        return False
 
     def push(self, name: str, force_n: Vector) -> None:
         """Push the centre of a body in every step until further notice [N], shape (3,)."""
