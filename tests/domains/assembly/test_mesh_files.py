@@ -138,6 +138,8 @@ def test_corners_that_no_face_has_are_left_out(tmp_path):
     """They bound nothing."""
     name = wedge_in(tmp_path, corners=[*WEDGE, (50, 50, 50)])
     assert len(read_mesh(tmp_path, name, 0.01).corners) == 6
+    corners, _ = parse_mesh((tmp_path / name).read_bytes(), ".obj")
+    assert len(corners) == 6
 
 
 def test_the_hash_is_that_of_the_file(tmp_path):
@@ -181,8 +183,11 @@ def test_what_is_flat_to_within_rounding_is_convex(tmp_path):
 
 
 def test_a_surface_with_a_hole_is_refused(tmp_path):
-    """A face is missing, or one stands twice."""
-    for faces in (WEDGE_FACES[1:], [*WEDGE_FACES, (0, 1, 4)]):
+    """A face is missing, stands twice, or has two corners."""
+    fans = triangles(WEDGE_FACES)
+    # As many corners as triangles have, on one line too many and on the next too few.
+    uneven = [*fans[:-2], (*fans[-2], fans[-1][0]), fans[-1][1:]]
+    for faces in (WEDGE_FACES[1:], [*WEDGE_FACES, (0, 1, 4)], uneven):
         message, _ = reason(tmp_path, wedge_in(tmp_path, faces=faces))
         assert message.startswith("It is not closed")
 

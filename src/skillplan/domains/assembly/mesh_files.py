@@ -380,11 +380,12 @@ def _parse_plain_obj(content: bytes) -> tuple[Floats, Indices] | None:
     corners = [line[2:] for line in lines if line.startswith(b"v ")]
     faces = [line[2:] for line in lines if line.startswith(b"f ")]
     numbers, indices = b" ".join(corners).split(), b" ".join(faces).split()
+    # A corner that no face names is not part of the mesh.
     is_plain = (
         len(corners) + len(faces) == len(lines)
-        and len(numbers) == 3 * len(corners)
-        and len(indices) == 3 * len(faces)
+        and all(len(line.split()) == 3 for line in (*corners, *faces))
         and all(map(bytes.isdigit, indices))
+        and len(set(map(int, indices))) == len(corners)
     )
     if not is_plain:
         return None
