@@ -178,11 +178,14 @@ def _find_worst_gap(
     worst, where = 0.0, body
     is_free = lane is None or measure_thickness(hull ^ lane.solid) <= _FILM_MM
     for gap in (hull - body).decompose():
-        excess = _measure_width(gap, hull) / _TO_MM / allowed_m
-        if lane is not None and not is_free and excess > 0:
+        excess = 0.0
+        if lane is not None and not is_free:
             reach = lane.measure_reach_mm(gap) / _TO_MM / min(lane.allowed_m, allowed_m)
             # No part goes into a hole that is not cut to the end.
-            excess = max(excess, _FIRST * reach if reach > 1 else 0.0)
+            excess = _FIRST * reach if reach > 1 else 0.0
+        sides_mm = np.ptp(np.reshape(gap.bounding_box(), (2, 3)), axis=0)
+        if max(excess, worst) < float(np.linalg.norm(sides_mm)) / _TO_MM / allowed_m:
+            excess = max(excess, _measure_width(gap, hull) / _TO_MM / allowed_m)
         if excess > worst:
             worst, where = excess, gap
     return worst, where
