@@ -174,7 +174,7 @@ def _find_worst_gap(
     allowed_m: float,
     lane: Lane | None,
 ) -> tuple[float, manifold3d.Manifold]:
-    """Return the largest excess of a gap as a share of what is allowed, and the gap."""
+    """Return the largest excess of a gap as a share of the allowed one, and the gap."""
     worst, where = 0.0, body
     is_free = lane is None or measure_thickness(hull ^ lane.solid) <= _FILM_MM
     for gap in (hull - body).decompose():
