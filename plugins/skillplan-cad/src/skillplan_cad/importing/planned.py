@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import shlex
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -197,17 +197,12 @@ AUTO = "auto"
 
 
 def choose_attitude(
-    product: Product,
-    relation: Relation,
-    up: str,
-    absent: Collection[str] = (),
-    *,
-    holding: bool = False,
+    product: Product, relation: Relation, up: str, *, holding: bool = False
 ) -> Bearing:
     """Return the supports with an axis of the file up, or with the best of them for `auto`."""
     if up == AUTO:
-        return find_best_bearing(product, relation, absent, holding=holding)
-    return find_bearing(product, relation, ATTITUDES[up], absent, holding=holding)
+        return find_best_bearing(product, relation, holding=holding)
+    return find_bearing(product, relation, ATTITUDES[up], holding=holding)
 
 
 def build_attitude_document(bearing: Bearing) -> dict[str, Any]:
@@ -382,8 +377,7 @@ def plan_product(
     lines = _list_lines(plan, again)
     without = _find_left_out(product, relation, plan, settings, warnings)
     if without:
-        # Another side may be up without them.
-        bearing = choose_attitude(product, relation, settings.up, without, holding=settings.holding)
+        bearing = find_bearing(product, relation, bearing.up, without, holding=settings.holding)
     task = _write_task(findings, settings, plan, bearing, without, writing, lines)
     document["attitude"] = build_attitude_document(task.bearing)
     lines += list_turn_lines(task, {**bearing.why_not, **bearing.undriven})
