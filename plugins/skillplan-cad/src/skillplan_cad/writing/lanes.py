@@ -36,6 +36,8 @@ _LEAST_MM, _LEAST_MM3 = 1e-3, 1e-3
 # Number of triangles up to which a mesh is swept, and the tolerances to which others are simplified
 # [mm]; their hull is swept if that does not suffice.
 _MANY_FACES, _TOLERANCES_MM = 6000, (0.01, 0.05, 0.2)
+# Number of swept faces in a union.
+_MOST_AT_ONCE = 500
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +104,7 @@ class Lanes:
     ) -> None:
         self._product, self._relation, self._upright = product, relation, upright
         self._list_part_moves, self._drawn_m = list_moves, drawn_m
-        self._corners: dict[str, Points] = {}
+        self._corners: dict[str, tuple[Points, bool]] = {}
         self._threads = {
             frozenset((fastener.part, mate))
             for fastener in relation.fasteners
@@ -124,18 +126,21 @@ class Lanes:
         own = self._upright.of(part.name)
         room = np.array(concave.bounding_box()).reshape(2, 3)
         bottom = np.array(own.bottom(part))
-        prisms: list[manifold3d.Manifold] = []
-        widest_m = 0.0
+        space, widest_m = manifold3d.Manifold(), 0.0
         for other, along in self._list_moves(part.name):
             drawn_m = self._drawn_m.get(frozenset((part.name, other.name)), 0.0)
             clearance_m = (1 - _CLEARANCE_SHARE) * min(max(drawn_m, PLAY_M), _WIDEST_M)
             shift = (own.offset_m - bottom) * _TO_MM
-            corners = self._list_corners(other) @ own.matrix.T + shift
-            swept = _sweep_faces(corners, along, clearance_m * _TO_MM, room)
+            corners, is_convex = self._list_corners(other)
+            moved = corners @ own.matrix.T + shift
+            swept = _sweep_faces(moved, along, clearance_m * _TO_MM, room, is_convex=is_convex)
             if swept:
-                prisms += swept
                 widest_m = max(widest_m, clearance_m)
-        space = manifold3d.Manifold.batch_boolean(prisms, manifold3d.OpType.Add) ^ concave
+            for first in range(0, len(swept), _MOST_AT_ONCE):
+                some = swept[first : first + _MOST_AT_ONCE]
+                space += manifold3d.Manifold.batch_boolean(some, manifold3d.OpType.Add) ^ concave
+                # Unions are made when they are asked for, and no alarm ends one.
+                space.num_tri()
         if space.volume() < _LEAST_MM3:
             return None
         return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M)
@@ -151,8 +156,8 @@ class Lanes:
             if frozenset((name, other)) not in self._threads:
                 yield self._product.parts[self._product.index(other)], along
 
-    def _list_corners(self, part: Part) -> Points:
-        """Return the corners of a part's triangles, in the product's frame [mm].
+    def _list_corners(self, part: Part) -> tuple[Points, bool]:
+        """Return the corners of a part's triangles, in the product's frame [mm]; and if convex.
 
         A screw has only its head, as in engines.
         """
@@ -162,7 +167,9 @@ class Lanes:
         for tolerance_mm in _TOLERANCES_MM:
             if solid.num_tri() > _MANY_FACES:
                 solid = solid.simplify(tolerance_mm)
-        mesh64 = (solid if solid.num_tri() <= _MANY_FACES else solid.hull()).to_mesh64()
+        hull = solid.hull()
+        is_convex = solid.num_tri() > _MANY_FACES or hull.volume() - solid.volume() < _LEAST_MM3
+        mesh64 = (hull if is_convex else solid).to_mesh64()
         points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
         corners = points[np.asarray(mesh64.tri_verts, dtype=np.int64)]
         fastener = self._relation.fastener(part.name)
@@ -170,13 +177,13 @@ class Lanes:
             heights = corners @ np.asarray(fastener.axis)
             low_mm = float((part.vertices_m @ np.asarray(fastener.axis)).min()) * _TO_MM
             in_head = heights > low_mm + fastener.length_m * _TO_MM - _LEAST_MM
-            corners = corners[in_head.all(axis=1)]
-        self._corners[part.name] = corners
-        return corners
+            corners, is_convex = corners[in_head.all(axis=1)], False
+        self._corners[part.name] = corners, is_convex
+        return self._corners[part.name]
 
 
 def _sweep_faces(
-    corners: Points, along: Floats, clearance_mm: float, room: Floats
+    corners: Points, along: Floats, clearance_mm: float, room: Floats, *, is_convex: bool
 ) -> list[manifold3d.Manifold]:
     """Return the space in a box through which the faces ahead of a moved mesh come.
 
@@ -186,6 +193,8 @@ def _sweep_faces(
         Corners of triangles, shape (n, 3, 3) [mm].
     room
         Lowest and highest corner of the box [mm].
+    is_convex
+        True if the mesh is, so that its sweep is one hull.
     """
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(across, axis=1)
@@ -198,7 +207,7 @@ def _sweep_faces(
     sides = np.stack([side, np.cross(along, side)]) * clearance_mm / np.linalg.norm(side)
     offsets = np.concatenate([[[1, 1], [1, -1], [-1, 1], [-1, -1]] @ sides] * 2)
     offsets[4:] -= along * length
-    prisms = (corners[:, :, None] + offsets).reshape(len(corners), 24, 3)
+    prisms = (corners[:, :, None] + offsets).reshape(1 if is_convex else len(corners), -1, 3)
     is_near = (prisms.min(axis=1) < room[1]).all(axis=1) & (prisms.max(axis=1) > room[0]).all(
         axis=1
     )
