@@ -433,6 +433,19 @@ def test_a_sleeve_over_a_post_and_blocks_side_by_side_have_play_and_chamfers_in_
         assert (high - low)[:2] == pytest.approx([39.0, 39.0], abs=0.3)
 
 
+def test_thin_leaves_between_two_walls_do_not_leave_each_other_out(tmp_path):
+    """Each is thinner than its play, and the other one lies behind it."""
+    cube = manifold3d.Manifold.cube
+    base = cube((60, 40, 10))
+    for x_mm in (9.92, 30.08):
+        base += cube((20, 24, 30)).translate((x_mm, 8, 10))
+    leaves = cube((20, 20, 12)).translate((20, 10, 40))
+    for x_mm in (29.92, 30.01):
+        leaves += cube((0.07, 20, 29)).translate((x_mm, 10, 10))
+    out = import_solids(tmp_path, {"base": base, "leaves": leaves}, "--no-nests")
+    assert len(read_bodies(out / "meshes/leaves.pieces.obj")) == 3
+
+
 @pytest.mark.slow(reason="an import; the parts of it are tested in every run")
 def test_a_peg_that_only_a_hole_holds_is_supported_and_goes_in_from_the_side(tmp_path):
     """Its centre is beside the wall: with the play of the fit it tips before the hole holds."""

@@ -251,13 +251,16 @@ class FitPlay:
 def _cut_pieces(hulls: Sequence[_Hull], pieces: Pieces, along: Floats) -> Iterator[Mesh]:
     """Yield the pieces of a mesh with play.
 
-    A piece thinner than its play goes if others lie behind it. Otherwise the part would have a gap.
+    A piece thinner than its play goes if others that stay lie behind it. Otherwise the part would
+    have a gap.
     """
-    for number, (hull, own) in enumerate(zip(hulls, pieces, strict=True)):
-        piece = hull.cut(along) if hull.sides else own
+    cut = [hull.cut(along) if hull.sides else own for hull, own in zip(hulls, pieces, strict=True)]
+    # Thin pieces cannot hold each other.
+    kept = [hull for hull, piece in zip(hulls, cut, strict=True) if piece is not None]
+    for hull, own, piece in zip(hulls, pieces, cut, strict=True):
         if piece is not None:
             yield piece
-        elif not hull.is_backed([*hulls[:number], *hulls[number + 1 :]]):
+        elif not hull.is_backed(kept):
             yield own
 
 
