@@ -450,7 +450,7 @@ class SweptDetector(Detector):
         Parameters
         ----------
         holds
-            Returns whether a fact holds, if only the first collision with what is there counts.
+            Returns whether a fact holds, if only the first collision with an existing body counts.
         """
         words = self._describe_no_grip(skill)
         if words is not None:

@@ -186,7 +186,7 @@ class SweptMotionBuilder:
             self._stretches[motion] = tuple(self.sweeps.approach(motion))
         clash = next(self._clash(motion), None)
         hits = (self._collisions(stretch, holds) for stretch in self._stretches[motion])
-        return clash or next((found[0] for found in hits if found), None)
+        return clash or next((collisions[0] for collisions in hits if collisions), None)
 
     def _collisions(
         self, sweeps: Iterable[Sweep], holds: Callable[[str], bool] = lambda fact: True

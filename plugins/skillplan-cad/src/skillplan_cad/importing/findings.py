@@ -507,13 +507,13 @@ def describe_unit_doubt(product: Product) -> str:
     if scale == 1 or not product.chord_m or not named:
         return ""
     wide_m = [float(np.sort(np.ptp(part.vertices_m, axis=0))[1]) for part in named]
-    least = int(np.argmin(wide_m))
+    small = int(np.argmin(wide_m))
     if min(wide_m) <= _WIDEST_FASTENER_M or max(wide_m) * scale > _WIDEST_FASTENER_M:
         return ""
     return (
-        f"the file states {product.unit}, with which {named[least].name} is "
-        f"{wide_m[least] * 1e3:.0f} mm wide; read as mm, with which it is "
-        f"{wide_m[least] * scale * 1e3:.3g} mm wide. --unit {product.unit} keeps the stated unit."
+        f"the file states {product.unit}, with which {named[small].name} is "
+        f"{wide_m[small] * 1e3:.0f} mm wide; read as mm, with which it is "
+        f"{wide_m[small] * scale * 1e3:.3g} mm wide. --unit {product.unit} keeps the stated unit."
     )
 
 

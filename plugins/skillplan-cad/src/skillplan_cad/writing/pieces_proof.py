@@ -360,17 +360,17 @@ def _find_differences(
         return
     names = [part.name for part in parts]
     is_changed = np.array([name in changed for name in names])
-    asked = is_changed[:, None] | is_changed[None, :]
+    is_tested = is_changed[:, None] | is_changed[None, :]
     for fastener in relation.fasteners:
         for mate in fastener.threaded_in:
             if {fastener.part, mate} <= set(names):
                 first, second = names.index(fastener.part), names.index(mate)
-                asked[first, second] = asked[second, first] = False
+                is_tested[first, second] = is_tested[second, first] = False
     test = BlockingTest(replace(product, parts=tuple(parts)), relation.tolerance_m)
     matrix = relation.matrix[:, numbers][:, :, numbers]
     for number in range(0, len(relation.directions), 2):
         # A blocking of one part is a blocking of the other in the opposite direction.
-        tested = ~(matrix[number] & matrix[number + 1].T) & asked
+        tested = ~(matrix[number] & matrix[number + 1].T) & is_tested
         for first, second in test.find_blocked_pairs(relation.directions[number], tested):
             pairs = ((first, second, number), (second, first, number + 1))
             for a, b, way in pairs:
