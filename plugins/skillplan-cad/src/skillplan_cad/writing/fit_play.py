@@ -285,7 +285,7 @@ class _Hull:
         ----------
         others_along
             Direction in which the other part comes with play of its own beside this one, or None.
-            Its own sides keep the distance.
+            It rests on sides that point up, and its own sides keep the distance.
         """
         room, box = _REACH_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
         # The way back, as far as it passes the other part.
@@ -304,6 +304,8 @@ class _Hull:
         )
         gaps = []
         for normal, offset, points in self._list_sides(along) if not near.is_empty() else ():
+            if others_along is not None and normal[2] > _STEEP:
+                continue
             ends = np.concatenate([points - _BELOW_MM * normal, points + room * normal])
             front = manifold3d.Manifold.hull_points(np.concatenate([ends, ends + back]))
             met = [
