@@ -315,7 +315,7 @@ def import_solids(folder, solids, *options):
 
 @pytest.fixture(scope="module")
 def pinned(tmp_path_factory):
-    """Return the folder of an import: a block, a pin in each of its holes, and a square peg."""
+    """Return the folder of an import: a block, a pin in each of its holes, and a pressed peg."""
     folder = tmp_path_factory.mktemp("pinned")
     block = manifold3d.Manifold.cube((80, 60, 20), True).translate((0, 0, 10))
     solids = {}
@@ -327,8 +327,9 @@ def pinned(tmp_path_factory):
         block -= hole.translate((x_mm, 15, 10))
         solids[f"pin_{number}"] = pin.translate((x_mm, 15, 10))
     block -= manifold3d.Manifold.cube((12, 12, 10), True).translate((0, -15, 15))
-    solids["peg"] = manifold3d.Manifold.cube((12, 12, 25), True).translate((0, -15, 22.5))
-    return import_solids(folder, {"block": block, **solids}, "--no-nests")
+    solids["peg"] = manifold3d.Manifold.cube((12.3, 12, 25), True).translate((0, -15, 22.5))
+    words = ("--no-nests", "--press-fit", "peg,block")
+    return import_solids(folder, {"block": block, **solids}, *words)
 
 
 @pytest.fixture(scope="module")
@@ -350,7 +351,7 @@ def test_pieces_of_a_fit_leave_its_clearance_and_the_task_says_which(pinned):
     """A fifth of the clearance is the most that pieces take; with less, there are 0.1 mm."""
     parts = yaml.safe_load((pinned / "product.yaml").read_text())["parts"]
     drawn_mm = {name: 1e3 * parts[name]["fits"]["block"]["drawn_m"] for name in PINS}
-    assert drawn_mm == pytest.approx({"pin_0": 0.1, "pin_1": 0.02, "pin_2": -0.01, "peg": 0.0})
+    assert drawn_mm == pytest.approx({"pin_0": 0.1, "pin_1": 0.02, "pin_2": -0.01, "peg": -0.15})
     pieces = read_bodies(pinned / "meshes/block.pieces.obj")
     goal_mm = 1e3 * np.array(parts["block"]["goal_m"])
     for name in PINS:

@@ -161,7 +161,8 @@ class FitPlay:
             for contact in relation.contacts
             if contact.radius_difference_m is not None
         ]
-        self._overlaps_m = {
+        # Depths of press fits, by the names of both parts [m].
+        self.overlaps_m = {
             frozenset(contact.parts): contact.fit.depth_m
             for contact in relation.contacts
             if contact.fit is not None and contact.kind != "thread"
@@ -209,7 +210,7 @@ class FitPlay:
                 drawn_m = self.drawn_m.get(pair)
                 if drawn_m is None:
                     # Pieces may reach into the other part where meshes do not.
-                    drawn_m = max(-self._overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
+                    drawn_m = max(-self.overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
                 drawn_m = round(drawn_m, _DECIMALS) + 0.0
                 fits.append(Played(part.name, other, drawn_m, max(drawn_m, PLAY_M)))
         pieces = tuple(

@@ -90,8 +90,8 @@ class Lanes:
     ----------
     list_moves
         Returns the other parts in the order with their moves past a part in its pose.
-    drawn_m
-        Clearances as drawn, by the names of both parts [m].
+    drawn_m, overlaps_m
+        Clearances as drawn, and depths of press fits, by the names of both parts [m].
     """
 
     def __init__(
@@ -101,9 +101,11 @@ class Lanes:
         upright: Upright,
         list_moves: Callable[[str], list[tuple[str, Floats]]],
         drawn_m: Mapping[frozenset[str], float],
+        overlaps_m: Mapping[frozenset[str], float],
     ) -> None:
         self._product, self._relation, self._upright = product, relation, upright
         self._list_part_moves, self._drawn_m = list_moves, drawn_m
+        self._overlaps_m = overlaps_m
         self._corners: dict[str, tuple[Points, bool]] = {}
         self._threads = {
             frozenset((fastener.part, mate))
@@ -128,19 +130,23 @@ class Lanes:
         bottom = np.array(own.bottom(part))
         space, widest_m = manifold3d.Manifold(), 0.0
         for other, along in self._list_moves(part.name):
-            drawn_m = self._drawn_m.get(frozenset((part.name, other.name)), 0.0)
+            pair = frozenset((part.name, other.name))
+            drawn_m = self._drawn_m.get(pair, 0.0)
             clearance_m = (1 - _CLEARANCE_SHARE) * min(max(drawn_m, PLAY_M), _WIDEST_M)
             shift = (own.offset_m - bottom) * _TO_MM
             corners, is_convex = self._list_corners(other)
             moved = corners @ own.matrix.T + shift
             swept = _sweep_faces(moved, along, clearance_m * _TO_MM, room, is_convex=is_convex)
-            if swept:
-                widest_m = max(widest_m, clearance_m)
+            met = manifold3d.Manifold()
             for first in range(0, len(swept), _MOST_AT_ONCE):
                 some = swept[first : first + _MOST_AT_ONCE]
-                space += manifold3d.Manifold.batch_boolean(some, manifold3d.OpType.Add) ^ concave
+                met += manifold3d.Manifold.batch_boolean(some, manifold3d.OpType.Add) ^ concave
                 # Unions are made when they are asked for, and no alarm ends one.
-                space.num_tri()
+                met.num_tri()
+            # The waist that a press fit leaves is none: all of the part has to pass.
+            if measure_thickness(met) > self._overlaps_m.get(pair, 0.0) * _TO_MM:
+                space += met
+                widest_m = max(widest_m, clearance_m)
         if space.volume() < _LEAST_MM3:
             return None
         return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M)

@@ -126,7 +126,7 @@ class PieceProof:
         self._watch = watch
         self._play = FitPlay(product, relation, plan, upright, cuts.fits, order)
         play = self._play
-        lanes = Lanes(product, relation, upright, play.list_moves, play.drawn_m)
+        lanes = Lanes(product, relation, upright, play.list_moves, play.drawn_m, play.overlaps_m)
         self._cutter = _Cutter(upright, lanes, cuts)
         self._meshes: dict[str, Sequence[Mesh]] = {}
         self._loosened: dict[str, Loosened] = {}
