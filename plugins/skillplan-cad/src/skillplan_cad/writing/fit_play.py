@@ -149,7 +149,8 @@ class FitPlay:
             self._after[name] = [
                 other
                 for other in in_order[number + 1 :]
-                if not blockers & encode_set([relation.index(other)])
+                # Parts of a group are not in the relation of the product that has it as one part.
+                if other in relation.names and not blockers & encode_set([relation.index(other)])
             ]
         self._solids: dict[tuple[str, Upright], manifold3d.Manifold] = {}
         drawn = [
