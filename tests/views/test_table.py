@@ -384,5 +384,4 @@ def test_a_figure_names_them():
     """In an SVG as text, where it would be taken up by whoever copies it."""
     figure = Figure()
     figure.suptitle("a\N{RIGHT-TO-LEFT OVERRIDE}b\x1b")
-    render_figure(figure, ".svg")
-    assert [r"a\u202eb\x1b"] == [text.get_text() for text in figure.texts]
+    assert rb"a\u202eb\x1b" in render_figure(figure, ".svg")

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import skillplan_cad as cad
@@ -377,6 +377,8 @@ MESHES = {
     at=st.lists(st.tuples(st.floats(0, 1), st.binary(max_size=8)), max_size=6),
     end=st.floats(0, 1),
 )
+@example(suffix="stl", at=[(0.36, bytes((0, 0, 0, 75)))], end=1.0)
+@example(suffix="stl", at=[(0.36, bytes((0, 0, 0, 77)))], end=1.0)
 def test_any_mesh_is_read_or_refused_in_words(suffix, at, end):
     """Bytes are put in anywhere, or the end is missing."""
     content = MESHES[suffix]

@@ -11,6 +11,7 @@ from skillplan.cli.writing import tell
 from skillplan.solvers.kernels import on_compilation
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.physics.performance import Performer
     from skillplan.task.task import Task
 
 NOTICE = (
@@ -54,7 +55,10 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], None]]]:
     yield "dynamic programming", _compile_dynamic_programming
     yield "tabular reinforcement learning", lambda: _solve({}, "q-learning", "monte-carlo")
     yield "plans by learned models", lambda: _solve({}, "learned-model")
-    yield "pictures of simulations", _draw_picture
+    engine = _find_drawing_engine()
+    if engine is not None:
+        # All engines draw by the same kernels.
+        yield "pictures of simulations", lambda: _draw_picture(engine)
 
 
 def _compile_dynamic_programming() -> None:
@@ -68,18 +72,18 @@ def _compile_dynamic_programming() -> None:
     compute_costs_to_go(np.array([0, 1, 1]), np.array([1]), np.array([False, True]))
 
 
-def _draw_picture() -> None:
-    """Have an installed engine draw a picture; all engines draw by the same kernels."""
+def _find_drawing_engine() -> type[Performer] | None:
     from skillplan.physics.performance import Performer
     from skillplan.pipeline import registry
 
+    engines: list[Any] = [registry.load("physics", name) for name in registry.names("physics")]
+    return next((engine for engine in engines if issubclass(engine, Performer)), None)
+
+
+def _draw_picture(engine: Any) -> None:
     task = _make_board({})
     skill = next(skill for skill in task.skills if skill.applicable(task.initial))
-    for name in registry.names("physics"):
-        engine: Any = registry.load("physics", name)
-        if issubclass(engine, Performer):
-            engine(task).picture(skill, task.initial)
-            return
+    engine(task).picture(skill, task.initial)
 
 
 def _solve(changes: Mapping[str, str], *solvers: str) -> None:

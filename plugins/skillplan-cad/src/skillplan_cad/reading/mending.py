@@ -224,6 +224,8 @@ def _close(part: RawPart, weld_m: float, repairs: _Repairs) -> RawPart:
     """Return a part with as few open edges as possible, and count the repairs."""
     repaired = _merge_vertices(part, _NEARLY_SAME)
     repairs.slivers += len(part.triangles) - len(repaired.triangles)
+    if not len(repaired.triangles):
+        return repaired
     repaired = _drop_doubles(repaired, repairs)
     size_m = float(np.ptp(repaired.vertices_m, axis=0).max(initial=0.0)) or 1.0
     repaired = _drop_slivers(repaired, _NEARLY_SAME * size_m, repairs)

@@ -98,7 +98,10 @@ def read_folder(
                         f"{folder}: has more than {MOST_TRIANGLES:,} triangles up to {path.name}. "
                         "Save it with fewer triangles, or import sub-assemblies one by one."
                     )
-                parts.append(mend(raw, weld_m))
+                mended = mend(raw, weld_m)
+                if not len(mended.part.triangles):
+                    raise _FaultyMeshError(f"holds only triangles that are points. {_REMEDY}.")
+                parts.append(mended)
         except _FaultyMeshError as fault:
             warnings.append(f"{name} is left out: {decode_file_name(path)} {fault}")
     if not parts and warnings:

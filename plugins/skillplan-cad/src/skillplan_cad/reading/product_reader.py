@@ -646,11 +646,11 @@ def _leave_out_far(path: Path, meshes: list[Mended], unit: str) -> tuple[list[Me
     middle = np.median([part.vertices_m[0] for part in filled], axis=0)
     left = list(meshes)
     while True:
-        low = np.min([mesh.part.vertices_m.min(axis=0) for mesh in left], axis=0)
-        high = np.max([mesh.part.vertices_m.max(axis=0) for mesh in left], axis=0)
+        low = np.min([mesh.part.vertices_m.min(axis=0, initial=np.inf) for mesh in left], axis=0)
+        high = np.max([mesh.part.vertices_m.max(axis=0, initial=-np.inf) for mesh in left], axis=0)
         with np.errstate(over="ignore"):
             extent_m = float((high - low).max())
-            reach = [float(np.abs(mesh.part.vertices_m - middle).max()) for mesh in left]
+            reach = [np.abs(mesh.part.vertices_m - middle).max(initial=0.0) for mesh in left]
         if extent_m <= MOST_EXTENT_M:
             return left, warnings
         farthest = left.pop(int(np.argmax(reach))).part
