@@ -569,13 +569,6 @@ def test_a_tray_keeps_parts_apart_and_within_reach(robot, nearest_m):
             assert max(abs(x - other[0]) - 0.04, abs(y - other[1]) - 0.03) > 0.039
 
 
-def test_a_feeder_for_a_level_hand_stands_nearer_as_the_wrist_is_behind_the_part():
-    items = [cad.Item(name, (0.2, 0.2, 0.02)) for name in ("left", "right")]
-    rod = cad.Item("rod", (0.2, 0.01, 0.01), is_raised=True)
-    tray = cad.lay_out_table((0.18, 0.15, 0.08), [rod, *items], "ur10e")
-    assert math.hypot(*tray.places["rod"]) < 0.87
-
-
 def test_what_finds_no_place_is_named():
     items = [cad.Item(f"panel_{n}", (0.40, 0.40, 0.02)) for n in range(6)]
     assert cad.lay_out_table((0.12, 0.10, 0.05), items, "panda").without

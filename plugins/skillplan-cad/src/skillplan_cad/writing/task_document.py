@@ -115,8 +115,6 @@ Bools = NDArray[np.bool_]
 _APART_M = 0.04
 _BESIDE_TALL_M = 0.13
 _BESIDE_RAISED_M = 0.25
-# Length of a level hand with the wrist behind it, by which the arm reaches less far [m].
-_LEVEL_HAND_M = 0.25
 _TALL_M = 0.035
 _BESIDE_PRODUCT_M = 0.14
 _GRID_M = 0.02
@@ -236,10 +234,7 @@ def lay_out_table(
         room = _BESIDE_RAISED_M if item.is_raised else room
         spot = known.get(item.name)
         if spot is None:
-            for far in (farthest - _LEVEL_HAND_M * item.is_raised, farthest):
-                free = np.flatnonzero(_mask_fitting(spots, size, room, taken, nearest, far))
-                if len(free):
-                    break
+            free = np.flatnonzero(_mask_fitting(spots, size, room, taken, nearest, farthest))
             if not len(free):
                 without.append(item.name)
                 continue
