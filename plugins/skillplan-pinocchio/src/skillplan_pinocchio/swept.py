@@ -321,9 +321,7 @@ class SweptDetector(Detector):
             return early
         if key not in self._swept_motions:
             self._swept_motions[key] = self._swept_motion(skill, state)
-        return VerdictInState(state, present, absent, lambda: self.paths.stand(state)).on(
-            self._swept_motions[key]
-        )
+        return in_state.on(self._swept_motions[key])
 
     def refuse_early(self, skill: Skill, state: State) -> Verdict | None:
         """Return the refusal by a sweep of the hand alone, without joint paths, or None."""

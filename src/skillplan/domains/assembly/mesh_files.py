@@ -153,11 +153,10 @@ def _measure_outward_m3(corners: Floats, faces: Indices) -> float | None:
     if (np.diff(there[order]) == 0).any() or (there[order] != back[mates]).any():
         # An edge is not one between two faces that run along it in opposite ways.
         return None
-    bodies = _label_connected(np.column_stack([order, mates]) // 3, len(faces))
+    bodies = label_connected(np.column_stack([order, mates]) // 3, len(faces))
     a, b, c = (corners[faces[:, corner]] for corner in range(3))
     volumes_m3 = np.bincount(bodies, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
-    is_outward = (volumes_m3[np.unique(bodies)] > 0).all()
-    return float(volumes_m3.sum()) if is_outward else None
+    return float(volumes_m3.sum()) if (volumes_m3 > 0).all() else None
 
 
 def _merge_corners(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
@@ -764,18 +763,23 @@ def _parse_pieces(
 
 def _split_components(faces: Indices, count: int) -> list[Indices]:
     """Return the faces of each connected body, in the order of the file."""
-    labels = _label_connected(faces, count)[faces[:, 0]]
+    labels = label_connected(faces, count)[faces[:, 0]]
     _, first = np.unique(labels, return_index=True)
     return [faces[labels == labels[index]] for index in np.sort(first)]
 
 
-def _label_connected(groups: Indices, count: int) -> Indices:
-    """Return a label of each number below `count`, the same for all that groups connect."""
-    labels = np.arange(count)
-    while True:
-        lower = labels.copy()
-        np.minimum.at(lower, groups, labels[groups].min(axis=1, keepdims=True))
-        lower = lower[lower]
-        if (lower == labels).all():
-            return labels
-        labels = lower
+def label_connected(groups: Indices, count: int) -> Indices:
+    """Return a label of each number below `count`, the same for all that groups connect.
+
+    Parameters
+    ----------
+    groups
+        Numbers that are connected, shape (groups, numbers in a group).
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    others = groups[:, 1:].reshape(-1)
+    first = np.repeat(groups[:, 0], groups.shape[1] - 1)
+    graph = coo_matrix((np.ones(len(others)), (first, others)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.domains.assembly.mesh_files import label_connected
 from skillplan_cad.product import Face, Points, Triangles
 from skillplan_cad.reading.raw_part import Measure, Mended, RawPart, compute_area_vectors_m2, cross
 
@@ -154,7 +155,7 @@ def join(name: str, bodies: list[Mended]) -> Mended:
 
 def compute_volumes_m3(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
     """Return the signed volume between each triangle and the centre of the mesh."""
-    middle = vertices_m.mean(axis=0)
+    middle = vertices_m.mean(axis=0) if len(vertices_m) else np.zeros(3)
     a, b, c = (vertices_m[triangles[:, corner]] - middle for corner in range(3))
     return np.asarray(np.einsum("ij,ij->i", a, cross(b, c)) / 6)
 
@@ -268,7 +269,7 @@ def _find_distinct_rows(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDA
 def _merge_pairs(part: RawPart, pairs: NDArray[np.int64]) -> RawPart:
     """Return a part with pairs of vertices merged, without triangles that vanish."""
     points = part.vertices_m
-    label = _label_components(pairs, len(points))
+    label = label_connected(pairs, len(points))
     kept = np.full(int(label.max()) + 1, len(points))
     np.minimum.at(kept, label, np.arange(len(points)))
     return _drop_collapsed(replace(part, vertices_m=points[kept], triangles=label[part.triangles]))
@@ -599,7 +600,7 @@ def _label_shells(vertices_m: Points, triangles: Triangles) -> tuple[NDArray[np.
         own = _pair_around_edge(vertices_m, triangles, edges[around], owner[around])
         pairs.append(around[own])
     joined = np.concatenate(pairs)
-    shells = _label_components(joined // 3, len(triangles))
+    shells = label_connected(joined // 3, len(triangles))
     if len(pairs) == 1:
         return shells, triangles
     # A half edge starts at the corner of its own number, and ends at the next of its triangle.
@@ -610,7 +611,7 @@ def _label_shells(vertices_m: Points, triangles: Triangles) -> tuple[NDArray[np.
         np.stack([first, np.where(turned, second_end, second)], axis=1),
         np.stack([first_end, np.where(turned, second, second_end)], axis=1),
     ]
-    corners = _label_components(np.concatenate(links), 3 * len(triangles))
+    corners = label_connected(np.concatenate(links), 3 * len(triangles))
     return shells, corners.reshape(-1, 3)
 
 
@@ -619,15 +620,6 @@ def _build_tree(points: Points) -> Any:
     from scipy.spatial import cKDTree
 
     return cKDTree(points)
-
-
-def _label_components(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return the component of each of some nodes that pairs connect."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _pair_around_edge(

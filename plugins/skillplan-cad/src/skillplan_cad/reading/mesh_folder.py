@@ -98,10 +98,7 @@ def read_folder(
                         f"{folder}: has more than {MOST_TRIANGLES:,} triangles up to {path.name}. "
                         "Save it with fewer triangles, or import sub-assemblies one by one."
                     )
-                mended = mend(raw, weld_m)
-                if not len(mended.part.triangles):
-                    raise _FaultyMeshError(f"holds only triangles that are points. {_REMEDY}.")
-                parts.append(mended)
+                parts.append(mend(raw, weld_m))
         except _FaultyMeshError as fault:
             warnings.append(f"{name} is left out: {decode_file_name(path)} {fault}")
     if not parts and warnings:

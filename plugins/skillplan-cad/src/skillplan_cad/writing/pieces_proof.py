@@ -130,7 +130,6 @@ class PieceProof:
         self._cutter = _Cutter(upright, lanes, cuts)
         self._meshes: dict[str, Sequence[Mesh]] = {}
         self._loosened: dict[str, Loosened] = {}
-        self._excess_m: dict[str, float] = {}
         self._wrong: tuple[Difference, ...] = ()
         self._fine: set[str] = set()
 
@@ -192,7 +191,6 @@ class PieceProof:
         """Keep the pieces of a part with play beside the parts that are in place before."""
         part = self._get_part(name)
         self._loosened[name] = self._play.loosen(part, pieces)
-        self._excess_m[name] = self._cutter.excess_m[name]
 
     def _test(self, names: Collection[str]) -> None:
         """Find the differences of the pairs with some parts anew."""
@@ -206,9 +204,10 @@ class PieceProof:
         )
 
     def _list_proved(self) -> ProvedPieces:
+        excess_m = self._cutter.excess_m
         fits_of = {
             name: tuple(
-                replace(fit, outside_m=max(self._excess_m[name], self._excess_m.get(fit.into, 0.0)))
+                replace(fit, outside_m=max(excess_m[name], excess_m.get(fit.into, 0.0)))
                 for fit in own.fits
             )
             for name, own in self._loosened.items()
@@ -306,14 +305,16 @@ class _Cutter:
 
     def __init__(self, upright: Upright, lanes: Lanes, cuts: Cuts) -> None:
         self._upright, self._lanes, self._cuts = upright, lanes, cuts
+        self._lanes_of: dict[str, list[Lane | None]] = {}
         self.excess_m: dict[str, float] = {}
 
     def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
         """Return the pieces of each mesh of a part."""
+        if part.name not in self._lanes_of:
+            self._lanes_of[part.name] = [self._lanes.find(part, *mesh) for mesh in meshes]
         hollows, pieces, excess_m = self._find_hollows(part), [], 0.0
-        for vertices_m, triangles in meshes:
-            lane = self._lanes.find(part, vertices_m, triangles)
-            own, own_m = self._cuts.cut(vertices_m, triangles, allowed_m, hollows, lane)
+        for mesh, lane in zip(meshes, self._lanes_of[part.name], strict=True):
+            own, own_m = self._cuts.cut(*mesh, allowed_m, hollows, lane)
             pieces.append(own)
             excess_m = max(excess_m, own_m)
         self.excess_m[part.name] = excess_m
