@@ -121,7 +121,7 @@ def _get_most(excess: float) -> int:
 
 
 def is_full(pieces: Pieces) -> bool:
-    """Return whether the greatest number of pieces may have ended the cutting."""
+    """Return whether cutting may have ended at the limit of pieces."""
     return len(pieces) >= _MOST_PIECES
 
 

@@ -41,7 +41,7 @@ _STRAIGHT = 0.02
 _STEEP = 0.5
 # Share by which a side shrinks towards its middle.
 _INWARD = 0.02
-# Largest share of a piece that a chamfer takes, and least share of a thin one that others back.
+# Largest share of a piece that a chamfer takes; least share of a thin piece with others behind it.
 _SHARE, _BACKED = 0.25, 0.5
 _DECIMALS = 6
 # Difference between components of directions that are one, and height of a level direction.
@@ -106,7 +106,7 @@ def choose_direction(possible: Sequence[Vector], planned: Vector) -> Vector:
 
 
 class FitPlay:
-    """Gives parts play beside those that may be in place before them.
+    """Gives parts play beside other parts.
 
     Parameters
     ----------
@@ -190,9 +190,9 @@ class FitPlay:
         return moves
 
     def loosen(self, part: Part, meshes: Sequence[Pieces]) -> Loosened:
-        """Return the pieces of a part with play beside the parts before it.
+        """Return the pieces of a part with play beside earlier parts.
 
-        Parts that are planned to come later have the play themselves on sides that face them.
+        Later parts have the play themselves, on the sides that face this part.
         """
         along = np.asarray(self._along.get(part.name, (0.0, 0.0, -1.0)))
         own = self._upright.of(part.name)
@@ -233,7 +233,7 @@ class FitPlay:
     ) -> Iterator[tuple[str, Floats | None]]:
         """Yield the parts whose boxes a part passes within the clearance of a fit.
 
-        Each comes with the direction in which it is brought if it has play beside the part itself.
+        A later part comes with its direction, as it has the play itself; an earlier one with None.
         """
         sideways = np.abs(along) < 1 - 1e-6
         own = self._upright.of(part.name)
@@ -286,8 +286,8 @@ class _Hull:
         Parameters
         ----------
         others_along
-            Direction in which the other part comes with play of its own beside this one, or None.
-            It rests on sides that point up, and its own sides keep the distance.
+            Direction in which a later part comes, None for an earlier one. A later part rests on
+            sides that point up, and has the play itself.
         """
         room, box = _REACH_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
         # The way back, as far as it passes the other part.
@@ -315,7 +315,7 @@ class _Hull:
                 for piece in (near ^ front).decompose()
                 if piece.volume() > _LEAST_MM3
             ]
-            # What is only behind the side is in front of another one of a thin piece.
+            # A part behind this side of a thin piece lies before its other side.
             met = [shape for shape in met if float((shape @ normal).max()) > offset]
             if not met:
                 continue
