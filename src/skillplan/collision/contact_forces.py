@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import highspy
@@ -37,10 +38,8 @@ _SETTLED = highspy.HighsModelStatus.kOptimal
 _MOST_POINTS = 12
 # Points on each edge at which two surfaces may touch.
 _PER_EDGE = 3
-# Largest cosine between an edge that lies on a face and the normal of the face.
-_PARALLEL = 0.05
-# Largest cosine between the normals of two surfaces that touch.
-_AWAY = 0.5
+# Sine of the angle at which a surface bends away at a rim.
+_BENDS = 0.3
 # Largest number of pairs of points and faces in one array, unless it has the least points.
 _MOST_PAIRS, _LEAST_POINTS = 20_000, 64
 
@@ -178,58 +177,146 @@ def _find_touching(
     body: Surface, face: Surface, low: Array, high: Array, tolerance_m: float
 ) -> tuple[Array, Array]:
     """Return points on edges of a body that lie on faces of another, and the faces' normals."""
-    points, along, outward = _sample_edges(body, low, high)
-    corners, triangles = face
-    places = corners[triangles]
-    near = (places.max(axis=1) >= low).all(axis=1) & (places.min(axis=1) <= high).all(axis=1)
-    places = places[near]
-    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    places, normals = places[lengths > 0], normals[lengths > 0] / lengths[lengths > 0, None]
-    if not len(points) or not len(places):
+    faces, points = _Patch(face, low, high), _sample_edges(_Patch(body, low, high), low, high)
+    places, normals = faces.places, faces.normals
+    if not len(points.points_m) or not len(places):
         return np.empty((0, 3)), np.empty((0, 3))
-    inwards = np.cross(normals[:, None], np.roll(places, -1, axis=1) - places)
-    inwards /= np.maximum(np.linalg.norm(inwards, axis=2), 1e-30)[..., None]
     levels = np.einsum("fi,fi->f", places[:, 0], normals)
     there: list[Array] = []
     pushed: list[Array] = []
     lowest, highest = places.min(axis=1) - 4 * tolerance_m, places.max(axis=1) + 4 * tolerance_m
     step = max(_LEAST_POINTS, _MOST_PAIRS // len(places))
-    for first in range(0, len(points), step):
-        some = points[first : first + step]
+    for first in range(0, len(points.points_m), step):
+        some = points.points_m[first : first + step]
         # Points come in order of x, so few faces of a fine mesh are near those of one array.
         near = (highest >= some.min(axis=0)).all(axis=1) & (lowest <= some.max(axis=0)).all(axis=1)
-        faces = np.flatnonzero(near)
-        distances = np.abs(some @ normals[faces].T - levels[faces])
-        close = distances <= tolerance_m
-        # An edge that passes through a face does not touch it.
-        close &= np.abs(along[first : first + step] @ normals[faces].T) < _PARALLEL
+        chosen = np.flatnonzero(near)
+        distances = np.abs(some @ normals[chosen].T - levels[chosen])
         # A face pushes only what lies before it, such as the foot of a pin, not the wall above it.
-        close &= outward[first : first + step] @ normals[faces].T < _AWAY
-        point, number = np.nonzero(close)
-        beneath = faces[number]
-        beside = np.einsum("qki,qki->qk", some[point, None] - places[beneath], inwards[beneath])
+        before = points.outward[first : first + step] @ normals[chosen].T < 0
+        point, number = np.nonzero((distances <= tolerance_m) & before)
+        distances, number = distances[point, number], chosen[number]
+        beside = np.einsum("qki,qki->qk", some[point, None] - places[number], faces.inwards[number])
         over = (beside >= -tolerance_m).all(axis=1)
-        point, number = point[over], number[over]
-        nearest = np.lexsort((distances[point, number], point))
+        point, number, distances = point[over], number[over], distances[over]
+        rims = faces.rims[number] & (beside[over] <= tolerance_m)
+        lies = points.lie_before(first + point, faces, number, rims, tolerance_m)
+        point, number, distances = point[lies], number[lies], distances[lies]
+        nearest = np.lexsort((distances, point))
         touching, first_of = np.unique(point[nearest], return_index=True)
         there.append(some[touching])
-        pushed.append(normals[faces[number[nearest[first_of]]]])
+        pushed.append(normals[number[nearest[first_of]]])
     return np.concatenate(there), np.concatenate(pushed)
 
 
-def _sample_edges(body: Surface, low: Array, high: Array) -> tuple[Array, Array, Array]:
-    """Return points on the edges of a surface within a box, directions and outward normals.
+class _Patch:
+    """The triangles of a surface near a box.
 
-    Directions are unit vectors along the edges, zero for corners.
+    Attributes
+    ----------
+    places, normals
+        Corners [m] and outward unit normals, shape (triangles, 3, 3) and (triangles, 3).
+    inwards
+        Unit vectors across the sides of each triangle, into it, shape (triangles, 3, 3).
+    rims
+        True for sides at which the surface bends away, shape (triangles, 3).
+    corners, triangles
+        Distinct corners [m], and the numbers of those of each triangle.
+    sides, side_of
+        Numbers of the corners of each edge, and the number of the edge at each side of a triangle.
     """
-    corners, triangles = body
-    places = corners[triangles]
-    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    sides, edge_of = np.unique(sides, axis=0, return_inverse=True)
-    outward = _sum_normals(edge_of.reshape(-1), np.repeat(normals, 3, axis=0), len(sides))
+
+    def __init__(self, surface: Surface, low: Array, high: Array) -> None:
+        places = surface[0][surface[1]]
+        near = (places.max(axis=1) >= low).all(axis=1) & (places.min(axis=1) <= high).all(axis=1)
+        places = places[near]
+        normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+        lengths = np.linalg.norm(normals, axis=1)
+        self.places, self.normals = places[lengths > 0], _scale(normals[lengths > 0])
+        ways = np.roll(self.places, -1, axis=1) - self.places
+        self.inwards = _scale(np.cross(self.normals[:, None], ways))
+        # Faces of CAD have corners of their own.
+        rounded = np.round(self.places.reshape(-1, 3), 7)
+        _, kept, numbers = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+        self.corners = self.places.reshape(-1, 3)[kept]
+        self.triangles = numbers.reshape(-1, 3)
+        pairs = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=2)
+        self.sides, side_of = np.unique(
+            np.sort(pairs.reshape(-1, 2), axis=1), axis=0, return_inverse=True
+        )
+        self.side_of = side_of.reshape(-1)
+        across = _sum_by(self.side_of, self.inwards.reshape(-1, 3), len(self.sides))
+        others = across[self.side_of].reshape(-1, 3, 3) - self.inwards
+        self.rims = np.einsum("fki,fi->fk", others, self.normals) < -_BENDS
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _EdgePoints:
+    """Points on the edges of a body.
+
+    Parameters
+    ----------
+    points_m
+        Points in order of x, shape (points, 3) [m].
+    outward
+        Unit vectors out of the body, shape (points, 3).
+    owners
+        Number of the corner or edge on which each point is.
+    begins
+        Number of the first way of each corner or edge.
+    ways, ends_m
+        Unit vectors from it along the body, and corners of the body there [m], shape (ways, 3).
+    """
+
+    points_m: Array
+    outward: Array
+    owners: NDArray[np.int64]
+    begins: NDArray[np.int64]
+    ways: Array
+    ends_m: Array
+
+    def lie_before(
+        self,
+        numbers: NDArray[np.int64],
+        faces: _Patch,
+        under: NDArray[np.int64],
+        rims: NDArray[np.bool_],
+        tolerance_m: float,
+    ) -> NDArray[np.bool_]:
+        """Return which points can be pushed by faces.
+
+        The body lies before the face all about the point. At a rim it reaches over the face.
+
+        Parameters
+        ----------
+        numbers, under
+            Number of a point, and of a triangle of the other body, shape (pairs,).
+        rims
+            Sides of the triangle that are a rim near the point, shape (pairs, 3).
+        """
+        if not len(numbers):
+            return np.zeros(0, dtype=bool)
+        begins = self.begins[self.owners[numbers]]
+        counts = self.begins[self.owners[numbers] + 1] - begins
+        first = np.cumsum(counts) - counts
+        ways = np.arange(counts.sum()) + np.repeat(begins - first, counts)
+        below = np.repeat(under, counts)
+        heights = np.einsum("wi,wi->w", self.ways[ways], faces.normals[below])
+        lies = np.minimum.reduceat(heights, first) >= -BEARS
+        for side in range(3):
+            reaches_m = np.einsum(
+                "wi,wi->w",
+                self.ends_m[ways] - faces.places[below, side],
+                faces.inwards[below, side],
+            )
+            over = (reaches_m > tolerance_m) & (np.abs(heights) <= 2 * BEARS)
+            lies &= ~rims[:, side] | np.logical_or.reduceat(over, first)
+        return np.asarray(lies)
+
+
+def _sample_edges(patch: _Patch, low: Array, high: Array) -> _EdgePoints:
+    """Return points on the edges of a surface within a box."""
+    corners, sides = patch.corners, patch.sides
     start, along = corners[sides[:, 0]], corners[sides[:, 1]] - corners[sides[:, 0]]
     with np.errstate(divide="ignore", invalid="ignore"):
         bounds = np.stack([(low - start) / along, (high - start) / along])
@@ -238,24 +325,52 @@ def _sample_edges(body: Surface, low: Array, high: Array) -> tuple[Array, Array,
     first = np.where(still, np.where(inside, 0.0, np.inf), bounds.min(axis=0)).max(axis=1)
     last = np.where(still, np.where(inside, 1.0, -np.inf), bounds.max(axis=0)).min(axis=1)
     first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
-    crosses = first <= last
-    start, along, first, last = start[crosses], along[crosses], first[crosses], last[crosses]
-    shares = first[:, None] + np.linspace(0.0, 1.0, _PER_EDGE) * (last - first)[:, None]
-    inner = (start[:, None] + shares[..., None] * along[:, None]).reshape(-1, 3)
-    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-30)
-    boxed = ((corners >= low) & (corners <= high)).all(axis=1)
-    ends = corners[boxed]
-    at_ends = _sum_normals(triangles.reshape(-1), np.repeat(normals, 3, axis=0), len(corners))
-    points = np.concatenate([ends, inner])
-    directions = np.repeat(along / lengths[:, None], _PER_EDGE, axis=0)
-    directions = np.concatenate([np.zeros_like(ends), directions])
-    outward = np.concatenate([at_ends[boxed], np.repeat(outward[crosses], _PER_EDGE, axis=0)])
+    crosses = np.flatnonzero(first <= last)
+    shares = np.linspace(first[crosses], last[crosses], _PER_EDGE, axis=1)
+    inner = (start[crosses, None] + shares[..., None] * along[crosses, None]).reshape(-1, 3)
+    boxed = np.flatnonzero(((corners >= low) & (corners <= high)).all(axis=1))
+    points = np.concatenate([corners[boxed], inner])
+    owners = np.concatenate([boxed, np.repeat(crosses + len(corners), _PER_EDGE)])
     # Points are thinned by `select_spread` only when it is known which of them touch.
     _, chosen = np.unique(np.round(points, 7), axis=0, return_index=True)
-    return points[chosen], directions[chosen], outward[chosen]
+    owners = owners[chosen]
+    return _EdgePoints(points[chosen], _find_outward(patch)[owners], owners, *_list_ways(patch))
 
 
-def _sum_normals(numbers: NDArray[np.int64], normals: Array, count: int) -> Array:
-    """Return the unit vectors of the sums of normals with the same number."""
-    sums = np.stack([np.bincount(numbers, column, count) for column in normals.T], axis=1)
-    return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1), 1e-30)[:, None])
+def _list_ways(patch: _Patch) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return the ways from the corners and edges along the surface, as `_EdgePoints` has them."""
+    corners, sides = patch.corners, patch.sides
+    edges = np.arange(len(sides)) + len(corners)
+    along = _scale(corners[sides[:, 1]] - corners[sides[:, 0]])
+    ways = np.concatenate([along, -along, along, -along, patch.inwards.reshape(-1, 3)])
+    owners = np.concatenate([*sides.T, edges, edges, patch.side_of + len(corners)])
+    ends = np.concatenate([sides[:, 1], sides[:, 0]])
+    ends = np.concatenate([ends, ends, np.roll(patch.triangles, -2, axis=1).reshape(-1)])
+    order = np.argsort(owners, kind="stable")
+    counts = np.bincount(owners, minlength=len(corners) + len(sides))
+    return np.concatenate([[0], np.cumsum(counts)]), ways[order], corners[ends[order]]
+
+
+def _find_outward(patch: _Patch) -> Array:
+    """Return vectors that point out of a body at its corners, then at its edges.
+
+    At a corner, normals count by the angles of their faces (Baerentzen and Aanaes: Signed distance
+    computation using the angle weighted pseudonormal, 2005).
+    """
+    ways = _scale(np.roll(patch.places, -1, axis=1) - patch.places)
+    cosines = np.einsum("fki,fki->fk", ways, -np.roll(ways, 1, axis=1))
+    angles_rad = np.arccos(np.clip(cosines, -1.0, 1.0)).reshape(-1, 1)
+    normals = np.repeat(patch.normals, 3, axis=0)
+    at_corners = _sum_by(patch.triangles.reshape(-1), angles_rad * normals, len(patch.corners))
+    return np.concatenate([at_corners, _sum_by(patch.side_of, normals, len(patch.sides))])
+
+
+def _sum_by(numbers: NDArray[np.int64], vectors: Array, count: int) -> Array:
+    """Return the sums of the vectors with the same number."""
+    return np.stack([np.bincount(numbers, column, count) for column in vectors.T], axis=1)
+
+
+def _scale(vectors: Array) -> Array:
+    """Return unit vectors."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.maximum(lengths, 1e-30))
