@@ -350,3 +350,23 @@ def test_of_parts_that_shut_each_other_out_only_one_is_left_out():
     assert set(order.conflicts[name].by) == {"roof_front", "roof_back"} - {name}
     assert set(order.parts) == {"post_left", "post_right", "car", *order.conflicts[name].by}
     assert order.ended
+
+
+def test_a_part_that_leans_on_another_goes_in_after_it_and_before_its_roof():
+    """Both are absent where it falls, and with both of them it does not go in."""
+    task = garage()
+    post, roof = task.facts.of("placed(post_right)"), task.facts.of("placed(roof_front)")
+
+    def answer(skill, state):
+        if skill.name == "place(car)" and "placed(roof_front)" in state:
+            return Verdict.infeasible("runs into roof_front", roof, task.facts.none)
+        if skill.name == "place(car)" and "placed(post_right)" not in state:
+            return Verdict.infeasible("falls", task.facts.none, post | roof)
+        return Verdict.feasible(task.facts.none, (post | roof) - state)
+
+    feasibility = Feasibility(task, [fake_back_end(task, answer)])
+    order = find_order(task, feasibility, ("car", "roof_front"), {})
+    assert order.ended
+    assert not order.conflicts
+    number = order.parts.index
+    assert number("post_right") < number("car") < number("roof_front")

@@ -217,12 +217,12 @@ class _OrderSearch:
         for name, verdict in failed.items():
             absent = {self._hypothetical.owner(fact) for fact in verdict.absent or ()}
             held_by = [other for other in taken if other in absent and not self._leads(name, other)]
-            others = rest - {name}
-            if not held_by or self._find_failure(name, others.union(held_by)) is not None:
-                continue
-            alone = [n for n in held_by if self._find_failure(name, {*others, n}) is None]
-            self._before[name].update(alone[-1:] or held_by)
-            learned = True
+            # One that holds it up may suffice, and others, such as a lid, be in its way.
+            for needed in (*([other] for other in reversed(held_by)), held_by):
+                if needed and self._find_failure(name, {*rest, *needed} - {name}) is None:
+                    self._before[name].update(needed)
+                    learned = True
+                    break
         return learned
 
     def _leads(self, first: str, last: str) -> bool:
