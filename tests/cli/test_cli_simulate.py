@@ -74,7 +74,8 @@ PUPPET = '''
                     joints_rad = (0.5,) * 7
                     phase = "the travel"
                     sample = (time_s, skill.name, phase, tip, tip, joints_rad, 0.04, 0.0, poses)
-                    note(Sample(*sample))
+                    if note is not None:
+                        note(Sample(*sample))
                     time.sleep(self.options.pause_s)
                 if show is not None:
                     for index in range(int(2 * frames_per_s)):

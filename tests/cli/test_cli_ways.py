@@ -36,7 +36,10 @@ PUPPET = """
         def perform(self, skills, *, note=None, **rest):
             done = []
             for index, skill in enumerate(skills):
-                note(Sample(index, skill.name, "", (0, 0, 0), (0, 0, 0), (0.0,) * 7, 0.0, 0.0, {}))
+                place = (0, 0, 0)
+                sample = Sample(index, skill.name, "", place, place, (0.0,) * 7, 0.0, 0.0, {})
+                if note is not None:
+                    note(sample)
                 verdict = Verdict.feasible(self.task.facts.none, self.task.facts.none)
                 done.append(PerformedSkill(skill.name, verdict, index, index + 1))
             return Performance(tuple(done), (), len(done), len(done))

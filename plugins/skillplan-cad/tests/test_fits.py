@@ -368,10 +368,14 @@ def test_pieces_of_a_fit_leave_its_clearance_and_the_task_says_which(pinned):
 
 
 def test_pieces_leave_a_cavity_that_is_not_round_to_the_part_that_goes_in(tmp_path):
-    """A part with 0.1 mm of play would jam where they take more than a fifth of it."""
-    oval = manifold3d.CrossSection.circle(1, 40).scale((14, 9))
-    plug = oval.extrude(20).translate((0, 0, 5))
+    """A part with 0.1 mm of play would jam where they take more than a fifth of it.
+
+    Its wall has a step of 0.003 mm: the hull of such a sheet would cross the way of the part.
+    """
+    oval = manifold3d.CrossSection.circle(1, 40)
+    plug = oval.scale((14, 9)).extrude(20).translate((0, 0, 5))
     block = manifold3d.Manifold.cube((70, 50, 15), True).translate((0, 0, 7.5)) - plug
+    block -= oval.scale((14.003, 9.003)).extrude(6).translate((0, 0, 9))
     for x_mm, y_mm in ((-25, -15), (-25, 15), (25, -15), (25, 15)):
         hole = manifold3d.Manifold.cylinder(20, 3, 3, 24)
         block -= hole.translate((x_mm, y_mm, -1))
@@ -388,6 +392,7 @@ def test_pieces_leave_a_cavity_that_is_not_round_to_the_part_that_goes_in(tmp_pa
     (mesh,) = read_bodies(out / "meshes/plug.obj")
     placed = mesh.translate(tuple(shift_mm))
     pieces = read_bodies(out / "meshes/block.pieces.obj")
+    assert min(2 * piece.volume() / piece.surface_area() for piece in pieces) > 0.02
     filled = [piece ^ placed for piece in pieces]
     depths_mm = [2 * part.volume() / part.surface_area() for part in filled if part.volume() > 1e-3]
     assert max(depths_mm, default=0.0) < 0.01

@@ -475,12 +475,22 @@ class World(simulator.World):
 
     def _distance_m(self, name: str, other: str, most_m: float) -> float:
         """Return the distance between two bodies, at most `most_m` [m]."""
+        ones, others = (self.filters.geoms(self.numbers[body]) for body in (name, other))
+        (centres, halves), (middles, sizes) = map(self._bound, (ones, others))
+        apart_m = np.abs(centres[:, None] - middles) - halves[:, None] - sizes
+        near = np.argwhere(np.linalg.norm(np.maximum(apart_m, 0.0), axis=2) < most_m)
         distances_m = (
-            mujoco.mj_geomDistance(self.model, self.data, first, second, most_m, None)
-            for first in self.filters.geoms(self.numbers[name])
-            for second in self.filters.geoms(self.numbers[other])
+            mujoco.mj_geomDistance(self.model, self.data, ones[row], others[column], most_m, None)
+            for row, column in near.tolist()
         )
-        return min(map(float, distances_m))
+        return min(map(float, distances_m), default=most_m)
+
+    def _bound(self, geoms: list[int]) -> tuple[Vector, Vector]:
+        """Return centres and half sizes of the boxes about geometries [m], shape (geoms, 3)."""
+        turns = self.data.geom_xmat[geoms].reshape(-1, 3, 3)
+        boxes = self.model.geom_aabb[geoms]
+        centres = self.data.geom_xpos[geoms] + np.einsum("ijk,ik->ij", turns, boxes[:, :3])
+        return centres, np.einsum("ijk,ik->ij", np.abs(turns), boxes[:, 3:])
 
     def touches(self) -> list[Touch]:
         """Return the contacts of the last step."""

@@ -207,30 +207,15 @@ def _perform(
 
     if not skills:
         return Performance((), (), 0.0, 0)
-    note = _Notes(count, row)
+
+    def stopped() -> bool:
+        count.one_more()
+        return count.interrupted
+
     with blamed(engine):
-        performance: Performance = engine.perform(
-            skills, note=note, stopped=lambda: count.interrupted, **pictures
-        )
+        # Samples cost time, so an engine takes none without a trace.
+        performance: Performance = engine.perform(skills, note=row, stopped=stopped, **pictures)
     return performance
-
-
-class _Notes:
-    """Counts finished skills, and writes every sample to the trace, if there is one."""
-
-    def __init__(self, count: Count, row: Callable[[Sample], None] | None) -> None:
-        self._count, self._row = count, row
-        self._under_way = ""
-
-    def __call__(self, sample: Sample) -> None:
-        """Process a sample."""
-        # No skill is executed while the world settles.
-        if sample.skill and sample.skill != self._under_way:
-            if self._under_way:
-                self._count.one_more()
-            self._under_way = sample.skill
-        if self._row is not None:
-            self._row(sample)
 
 
 def _load(

@@ -1,7 +1,7 @@
 """Decompose a solid into convex pieces by repeated cuts where its hull deviates most.
 
-Each piece is the hull of a body between cuts, so pieces always enclose the solid; cuts only reduce
-the excess.
+Each piece is the hull of a body between cuts, so pieces enclose the solid, except for sheets that
+are thinner than the gap of a fit; cuts only reduce the excess.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ _LEAST_MM3 = 1e-6
 _SHEET_MM = 2e-4
 # Thickness below which a gap is a rounding residue.
 _FILM_MM = 1e-3
+# Thickness below which a body that a cut leaves is left out: the gap of a fit is wider.
+_SHEER_MM = 0.02
 # Share of a gap's volume in front of the faces that border it.
 _BORDERED = 0.9
 # Largest number of products of points or faces with directions in one array.
@@ -74,7 +76,7 @@ def decompose_convex(
     hollows: Sequence[Hollow] = (),
     lane: Lane | None = None,
 ) -> Pieces:
-    """Return convex pieces that enclose a solid; empty for an empty solid.
+    """Return convex pieces of a solid; empty for an empty solid.
 
     Parameters
     ----------
@@ -105,7 +107,13 @@ def decompose_convex(
     while waiting and len(done) + len(waiting) < _get_most(-waiting[0][0]):
         _, _, hull, body, gap = heapq.heappop(waiting)
         halves = _cut(hull, body, gap, hollows)
-        bodies = [own for half in halves or () for own in _list_bodies(half)]
+        bodies = [
+            own
+            for half in halves or ()
+            for own in _list_bodies(half)
+            # The hull of a concave sheet reaches far beyond it, and engines push parts along it.
+            if measure_thickness(own) > _SHEER_MM
+        ]
         if bodies and len(done) + len(waiting) + len(bodies) <= _MOST_OF_ALL:
             add(bodies)
         else:

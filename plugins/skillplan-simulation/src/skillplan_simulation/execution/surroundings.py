@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise, permutations, product
 
 import numpy as np
@@ -241,7 +242,7 @@ MARGIN_M = 0.003
 _TOUCH_M = 2e-4
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Located:
     """A body at one of its places, with its boxes."""
 
@@ -254,6 +255,17 @@ class Located:
     def is_boxy(self) -> bool:
         """Return whether its boxes are accurate enough to determine supports."""
         return self.placement.pose.is_upright and not self.body.surfaces
+
+    @cached_property
+    def _corners(self) -> Vector:
+        """Lower and upper corners of the boxes [m], shape (2, boxes, 3)."""
+        return np.array([[box.low for box in self.boxes], [box.high for box in self.boxes]])
+
+    def is_within(self, distance_m: float, other: Located) -> bool:
+        """Return whether a box comes within a distance of one of another body [m]."""
+        (lows, highs), (bottoms, tops) = self._corners, other._corners
+        below = bottoms - highs[:, None] - distance_m < 0.0
+        return bool((below & (tops - lows[:, None] + distance_m > 0.0)).all(axis=2).any())
 
 
 @dataclass(frozen=True, slots=True)
@@ -408,15 +420,8 @@ class Surroundings:
             if other.body.name == body.body.name or self._excludes(body, other):
                 continue
             is_joined = (body.body.name, other.body.name) in self._joined
-            if is_joined or any(
-                fit.into == other.body.name and fit.fastens for fit in body.body.fits
-            ):
-                bears = any(
-                    sweep_hits(box, _STILL, top, -_TOUCH_M)
-                    for box in body.boxes
-                    for top in other.boxes
-                )
-            elif body.is_boxy and other.is_boxy:
+            is_joined |= any(fit.into == other.body.name and fit.fastens for fit in body.body.fits)
+            if not is_joined and body.is_boxy and other.is_boxy:
                 bears = any(
                     contact_area(foot, top, _TOUCH_M) is not None
                     for foot in feet
@@ -424,11 +429,7 @@ class Surroundings:
                 )
             else:
                 # For rotated bodies, boxes only show that the two may touch.
-                bears = any(
-                    sweep_hits(box, _STILL, top, -_TOUCH_M)
-                    for box in body.boxes
-                    for top in other.boxes
-                )
+                bears = body.is_within(_TOUCH_M, other)
             if bears:
                 yield other
 
