@@ -179,8 +179,8 @@ def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, scre
 
     def attempt(make, share):
         made = make()
-        if isinstance(made, (tuple, list)):
-            # Pieces and trials of a part, which are done in time.
+        if not hasattr(made, "document"):
+            # Pieces, trials and orders, which are done in time.
             return made
         shares.append(share)
         return None if share < 1 else made
@@ -207,6 +207,22 @@ def test_an_order_is_found_of_the_parts_that_were_tried_in_time(screwed):
     )
     assert len(task.names) == 2
     assert [skill.partition("(")[0] for skill in task.skills] == ["pick", "place"] * 2
+    assert {reason.kind for reason in task.left_out.values()} <= {"not examined", "follows"}
+
+
+@pytest.mark.slow
+def test_what_was_checked_of_an_order_when_the_time_is_over_is_a_task_with_an_order(screwed):
+    """The check with all paths ends after five skills, of which the fifth picks the third part."""
+    checks = iter([True] * 5 + [False])
+    task = cad.build_task(
+        *screwed,
+        watch=cad.Watch(
+            attempt=lambda make, share: make() if share != 0.9 or next(checks, False) else None
+        ),
+    )
+    assert len(task.names) == 2
+    assert [skill.partition("(")[0] for skill in task.skills] == ["pick", "place"] * 2
+    assert task.doubt == ""
     assert {reason.kind for reason in task.left_out.values()} <= {"not examined", "follows"}
 
 

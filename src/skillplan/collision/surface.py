@@ -204,18 +204,25 @@ def measure_deepest(surface: Polyhedron, edges: Floats) -> float:
     faces = _Faces(surface.triangles, surface.corners.mean(axis=0))
     low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
     begins, ends = _clip_edges(edges, low, high)
+    # Depths of the middles of the edges that these are halves of; the first have none.
+    wholes = np.zeros(len(begins))
     deepest = 0.0
     while len(begins):
         worth = faces.farthest(begins, ends) > max(deepest + _PRECISION_M, _LEAST_M)
-        begins, ends = begins[worth], ends[worth]
+        begins, ends, wholes = begins[worth], ends[worth], wholes[worth]
         if not len(begins):
             break
         middles, halves = (begins + ends) / 2, np.linalg.norm(ends - begins, axis=1) / 2
         distances = faces.distances(middles)
-        depth = np.where(faces.inside(middles), distances, -distances)
+        # No face is nearer to the middle of the whole edge, so both middles are on its side.
+        known = np.abs(wholes) > halves
+        is_inside = wholes > 0
+        is_inside[~known] = faces.inside(middles[~known])
+        depth = np.where(is_inside, distances, -distances)
         deepest = max(deepest, float(depth.max()))
         worth = depth + halves > max(deepest + _PRECISION_M, _LEAST_M)
         begins, middles, ends = begins[worth], middles[worth], ends[worth]
+        wholes = np.tile(depth[worth], 2)
         begins, ends = np.concatenate([begins, middles]), np.concatenate([middles, ends])
     return max(0.0, deepest)
 

@@ -40,7 +40,7 @@ from skillplan_cad.writing.upright import place_turned, place_upright
 # Number of further orientations, which are tried if the arm brings less than a share of the parts.
 _MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
 # Shares of the time limit at which writing is interrupted: at first, and with tried parts alone.
-_STOPPED_SHARES = 0.9, 1.05
+_STOPPED_SHARES = 0.97, 1.05
 # Reasons of parts that may be brought in another orientation.
 _RETRIED = ("no grasp", "unreachable", "no order")
 # Cosine of two directions that are one.
@@ -269,6 +269,8 @@ class _TaskBuilder:
         # Task names by part of the last task.
         self._names: Mapping[str, str] = {}
         self._shared = SharedMeshes()
+        # Layout of the last task.
+        self._places: Places | None = None
         self._proof: PieceProof | None = None
 
     def build(
@@ -305,7 +307,6 @@ class _TaskBuilder:
             self._proof = PieceProof(
                 self._product, self._relation, self._plan, bearing.order, upright, cuts, watch
             )
-        places: Places | None = None
         least_weight = 0.0 if rival is None else _weigh(self._product, rival.names)
         while True:
             if not self._is_in_same_poses():
@@ -321,6 +322,11 @@ class _TaskBuilder:
                 continue
             left_out = self._list_left_out()
             kept = {part.name for part in self._product} - left_out.keys()
+            late = kept - self._names.keys() if self._names and trials.is_hurried else ()
+            if late:
+                # What else stands now would change the layout of what passed its trial.
+                self._leave_out(_list_unexamined(late))
+                continue
             is_empty = not kept - self._holds.fixed.keys() or not kept - self._relation.driven
             if is_empty or _weigh(self._product, kept) <= least_weight:
                 return _write_nothing(self._product, self._bearing, left_out)
@@ -334,17 +340,17 @@ class _TaskBuilder:
                 self._remarks,
                 self._holds,
                 self._shared,
-                places,
+                self._places,
             )
             if writer.places.without:
                 words = "finds no place within the arm's reach"
                 far = writer.places.without
                 self._leave_out({name: LeftOut(name, "no place", words) for name in far})
                 continue
-            places = writer.places
             self._seat(writer, watch)
             self._names = writer.names
             task = writer.write(self._proof)
+            self._places = writer.places
             unfinished = {part.name for part in writer.gripped} - task.pieces.pieces.keys()
             if unfinished:
                 self._leave_out(_list_unexamined(unfinished))
@@ -539,19 +545,22 @@ class _TaskBuilder:
                 name = names[task_name]
                 words = f"is refused: {words.removesuffix('.')}"
                 reasons[name] = LeftOut(name, "refused", words)
+        is_hurried = trials.is_hurried
         for task_name, failure in trial.failures.items():
             name = names[task_name]
             if failure.falls and self._holding and name not in self._bearing.held:
                 self._falling.append(name)
             elif not self._holds.take_next(name, failure):
                 reasons |= self._conflicting.get(name) or self._holds.give_up(name)
+            elif is_hurried:
+                reasons |= self._explain_untried([name])
         reasons |= self._explain_untried(names[task_name] for task_name in trial.untried)
         reasons |= _list_unordered(names[task_name] for task_name in trial.unordered)
         for task_name, conflict in trial.conflicts.items():
             name, by = names[task_name], tuple(names[other] for other in conflict.by)
             left_out = LeftOut(name, "no order", conflict.text, by)
             failed = names[conflict.failed]
-            may_retool = conflict.is_by_hand and not trials.is_late
+            may_retool = conflict.is_by_hand and not is_hurried
             retooled = may_retool and self._holds.take_next(
                 failed, Failure(conflict.text, is_far=False)
             )

@@ -156,6 +156,18 @@ class Item:
     size_m: tuple[float, float, float]
     is_raised: bool = False
 
+    @property
+    def half_m(self) -> Place:
+        """Half of its extents x y [m]."""
+        return self.size_m[0] / 2, self.size_m[1] / 2
+
+    @property
+    def room_m(self) -> float:
+        """Distance to what stands beside it [m]."""
+        if self.is_raised:
+            return _BESIDE_RAISED_M
+        return _BESIDE_TALL_M if self.size_m[2] > _TALL_M else _APART_M
+
 
 @dataclass(frozen=True, slots=True)
 class Tray:
@@ -197,6 +209,7 @@ def lay_out_table(
     robot: str,
     holders: Sequence[Place] = HOLDERS,
     kept: Mapping[str, Place] | None = None,
+    product_m: Place | None = None,
 ) -> Tray:
     """Lay out the table: product in front of the arm to its left, items close to it.
 
@@ -212,15 +225,17 @@ def lay_out_table(
         Places of tools, which stay free.
     kept
         Places of items that stay where they are, by name.
+    product_m
+        Centre of the product, if it stays where it is.
     """
     known = kept or {}
     reach_m = ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
     nearest = max(_NEAREST_DOWN_M.get(robot, _NEAREST_M), _NEAREST * reach_m)
     farthest = _FARTHEST * reach_m
-    goal = _choose_goal(product_size_m, nearest, farthest)
+    goal = product_m or _choose_goal(product_size_m, nearest, farthest)
     half = (product_size_m[0] / 2, product_size_m[1] / 2)
     taken = [_Taken(goal, half, _BESIDE_PRODUCT_M)]
-    taken += [_Taken(place, (0.03, 0.03), 0.06) for place in holders]
+    taken += [_reserve_holder(place) for place in holders]
     spots = _list_grid_places(nearest, farthest, goal)
     places: dict[str, Place] = {}
     without = []
@@ -229,9 +244,7 @@ def lay_out_table(
         key=lambda item: (item.name not in known, -item.size_m[0] * item.size_m[1], item.name),
     )
     for item in order:
-        size = (item.size_m[0] / 2, item.size_m[1] / 2)
-        room = _BESIDE_TALL_M if item.size_m[2] > _TALL_M else _APART_M
-        room = _BESIDE_RAISED_M if item.is_raised else room
+        size, room = item.half_m, item.room_m
         spot = known.get(item.name)
         if spot is None:
             free = np.flatnonzero(_mask_fitting(spots, size, room, taken, nearest, farthest))
@@ -242,6 +255,10 @@ def lay_out_table(
         places[item.name] = spot
         taken.append(_Taken(spot, size, room))
     return Tray(goal, places, tuple(sorted(without)))
+
+
+def _reserve_holder(place: Place) -> _Taken:
+    return _Taken(place, (0.03, 0.03), 0.06)
 
 
 def _choose_goal(size_m: tuple[float, float, float], nearest_m: float, farthest_m: float) -> Place:
@@ -460,6 +477,8 @@ class Places:
         Places of tools, which stay free.
     raised
         Feeders that present parts to a level hand.
+    safe_height_m
+        Greatest height of travels in the tasks with this layout [m].
     """
 
     upright: Upright
@@ -468,6 +487,7 @@ class Places:
     without: tuple[str, ...]
     holders: tuple[Place, ...]
     raised: frozenset[str]
+    safe_height_m: float = 0.0
 
 
 def lay_out_parts(
@@ -484,7 +504,8 @@ def lay_out_parts(
 ) -> Places:
     """Place the product, single parts and feeders.
 
-    What was tried stays where it was, as long as no part is new and the product's foot is the same.
+    What was tried stays where it was, as long as the product's foot is the same. Feeders keep their
+    names, and parts their feeders.
 
     Parameters
     ----------
@@ -505,7 +526,7 @@ def lay_out_parts(
     presented
         Parts that a feeder presents above the table.
     before
-        Layout of more parts, in the same orientation.
+        Layout of other parts, in the same orientation.
     """
     # Screws may hang below the table, but not below a workholder.
     standing = gripped if len(bearing.ups) == 1 else parts
@@ -514,13 +535,16 @@ def lay_out_parts(
         return place_turned(standing, bearing.ups, bearing.turned, place_m)
 
     upright = place((0.0, 0.0))
-    feeders = dict(_feeders([part for part in parts if part.name not in fixed], names, taken))
+    earlier = {} if before is None else before.feeders
+    loose = [part for part in parts if part.name not in fixed]
+    feeders = dict(_feeders(loose, names, taken, earlier))
     for part in gripped:
         own = upright.of(part.name)
         needs_feeder = part.name in presented or not stands_alone(part, own)
         if part.name not in {*fixed, *feeders} and needs_feeder:
             stem = f"{names[part.name]}_feeder"
-            feeders[part.name] = assign_task_names([stem], {*taken, *feeders.values()})[stem]
+            known = {*taken, *feeders.values(), *earlier.values()}
+            feeders[part.name] = assign_task_names([stem], known)[stem]
     items: dict[str, Item] = {}
     for part in parts:
         name = feeders.get(part.name, names[part.name])
@@ -531,16 +555,11 @@ def lay_out_parts(
     further = {_HOLDER_OF[tool] for tool in tools}.difference(HOLDERS)
     holders = (*HOLDERS, *sorted(further))
     raised = frozenset(name for name, item in items.items() if item.is_raised)
-    known = before if before is not None and before.raised >= raised else None
-    if known is not None and _still_stands(gripped, upright, items, holders, known):
-        kept = {name: known.tray.places[name] for name in items}
-        tray = Tray(known.tray.product_m, kept)
-        return Places(known.upright, tray, feeders, (), known.holders, raised)
-    size_m = upright.size_m
-    if upright.pivot_m is None:
-        points = np.concatenate([upright.vertices(part) for part in parts])
-        x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
-        size_m = (x, y, z)
+    if before is not None and _still_stands(gripped, upright, items, holders, before):
+        tray = _keep_places(parts, [*items.values()], robot, holders, before)
+        if not tray.without:
+            return replace(before, tray=tray, feeders=feeders, holders=holders, raised=raised)
+    size_m = _measure_foot(parts, upright)[1]
     layout = lay_out_table(size_m, [*items.values()], robot, holders)
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
@@ -555,12 +574,47 @@ def _still_stands(
     holders: Iterable[Place],
     before: Places,
 ) -> bool:
-    """Return whether parts and tools stand where a layout of more parts has them."""
-    known = before.tray.places.keys() >= {*items} and {*before.holders} >= {*holders}
+    """Return whether the product stands where the layout of other parts has it."""
     if upright.pivot_m is not None or before.upright.pivot_m is not None:
+        known = before.tray.places.keys() >= {*items} and {*before.holders} >= {*holders}
         return known and len(upright.poses) == len(before.upright.poses)
     lowest_m = min(float(before.upright.vertices(part)[:, 2].min()) for part in gripped)
-    return known and abs(lowest_m) < _LEVEL_FEET_M
+    return abs(lowest_m) < _LEVEL_FEET_M
+
+
+def _keep_places(
+    parts: Sequence[Part],
+    items: Sequence[Item],
+    robot: str,
+    holders: Sequence[Place],
+    before: Places,
+) -> Tray:
+    """Lay out the table with all items where they stood, unless they are in the way now."""
+    foot_m, size_m = _measure_foot(parts, before.upright)
+    taken = [_Taken(foot_m, (size_m[0] / 2, size_m[1] / 2), _BESIDE_PRODUCT_M)]
+    taken += [_reserve_holder(place) for place in holders]
+    kept = {}
+    for item in items:
+        place = before.tray.places.get(item.name)
+        if place is None or (item.is_raised and item.name not in before.raised):
+            continue
+        spot = np.array([place])
+        if not any(other.is_near(spot, item.half_m, item.room_m)[0] for other in taken):
+            kept[item.name] = place
+    return lay_out_table(size_m, items, robot, holders, kept, foot_m)
+
+
+def _measure_foot(
+    parts: Sequence[Part], upright: Upright
+) -> tuple[Place, tuple[float, float, float]]:
+    """Return the centre, x y, and the extents of the product in all its orientations [m]."""
+    if upright.pivot_m is not None:
+        return (upright.pivot_m[0], upright.pivot_m[1]), upright.size_m
+    corners = np.concatenate([upright.vertices(part) for part in parts])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    x_m, y_m = ((low + high) / 2).tolist()[:2]
+    x, y, z = (float(extent) for extent in high - low)
+    return (x_m, y_m), (x, y, z)
 
 
 def stands_alone(part: Part, upright: Upright) -> bool:
@@ -574,16 +628,22 @@ def stands_alone(part: Part, upright: Upright) -> bool:
 
 
 def _feeders(
-    parts: Sequence[Part], names: Mapping[str, str], taken: Collection[str]
+    parts: Sequence[Part],
+    names: Mapping[str, str],
+    taken: Collection[str],
+    before: Mapping[str, str],
 ) -> Mapping[str, str]:
-    """Return the feeder name of each part that has identical ones."""
+    """Return the feeder name of each part that has identical ones, or had them before."""
     feeder_of: dict[str, str] = {}
     by_shape: dict[int, list[Part]] = {}
     for part in parts:
         by_shape.setdefault(part.shape, []).append(part)
-    known = set(taken)
+    known = {*taken, *before.values()}
     for alike in by_shape.values():
-        if len(alike) > 1:
+        earlier = [before[part.name] for part in alike if part.name in before]
+        if earlier:
+            feeder_of |= {part.name: earlier[0] for part in alike}
+        elif len(alike) > 1:
             stem = f"{names[alike[0].name]}_feeder"
             name = assign_task_names([stem], known)[stem]
             known.add(name)
@@ -977,7 +1037,9 @@ class TaskWriter:
         for name, feeder in self.places.feeders.items():
             if name in self.raised_m:
                 self._note(name, f"{_RAISED} {self.raised_m[name]:g} m above the table")
-            elif alike[feeder] == 1:
+            elif alike[feeder] == 1 and not stands_alone(
+                self._get_part(name), self.upright.of(name)
+            ):
                 self._note(name, _PRESENTED)
         for name in self.names:
             for words in self.remarks.get(name, ()):
@@ -1034,12 +1096,7 @@ class TaskWriter:
             "name": self._choose_name(),
             "description": f"{self._count_parts()} of {self.product.name}, from CAD.",
             "product_parts": len(self.product),
-            "robot": build_robot_entry(
-                self.robot,
-                self.kept,
-                [part for part in self.gripped if part.name not in self.holds.fixed],
-                self.upright,
-            ),
+            "robot": self._build_robot(),
             "tools": build_tool_entries(self.robot, (*parts.values(), *screws.values())),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
@@ -1055,6 +1112,14 @@ class TaskWriter:
         if GRIPPER not in document["tools"]:
             document["initial_tool"] = next(iter(document["tools"]))
         return document
+
+    def _build_robot(self) -> dict[str, Any]:
+        """Return the entry of the arm; as long as a layout stands, its travels stay as high."""
+        carried = [part for part in self.gripped if part.name not in self.holds.fixed]
+        entry = build_robot_entry(self.robot, self.kept, carried, self.upright)
+        height_m = max(entry["safe_height_m"], self.places.safe_height_m)
+        self.places = replace(self.places, safe_height_m=height_m)
+        return {**entry, "safe_height_m": height_m}
 
     def _list_held(self) -> list[str]:
         """Return the parts that do not stay by themselves, and then the base before them.

@@ -21,12 +21,19 @@ from skillplan.model.replay import replay
 from skillplan.pipeline import Setup, make_feasibility, names
 from skillplan.task import Skill, State, Task, Verdict
 from skillplan_cad.planning.watch import Watch
+from skillplan_cad.writing.verdict_memory import VerdictMemory, describe_motion
 
 SWEPT = "swept"
+# Paths between motions are checked once an order is found.
+_WITHOUT_TRAVELS = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
 # Words of reasons for which a part does not stay.
 _FALLS = ("would tip off", "has nothing beneath it", "' tips towards", "' slides towards")
-# Share of the time limit at which trials end, so that an order of what passed is found.
-_TRIED_SHARE = 0.65
+# Shares of the time limit after which no part gets another tool, and at which trials end, so that
+# an order of what passed is found.
+_RETOOLED_SHARE, _TRIED_SHARE = 0.5, 0.65
+# Shares at which the search for an order of what was in one before ends, and its check with all
+# paths: a task with the parts up to there is written and checked in the time that is left.
+_ORDERED_SHARES, _REPLAYED_SHARES = (0.87, 0.92), (0.9, 0.95)
 # Words of reasons for which an arm does not get to a place, the second half of one included.
 _ARM_WORDS = ("the hand cannot point", "of the arm runs into", "the nearest one is")
 # Kinds of skills that bring a part or drive a screw, in order.
@@ -86,6 +93,8 @@ class Trial:
         Skills that bring everything in the order that was found; empty if none was.
     doubt
         Reason why the order is not sure; empty without one.
+    is_refuted
+        True if an order was found that a check with all paths refused.
     """
 
     refusals: Mapping[str, str] = field(default_factory=dict)
@@ -95,6 +104,7 @@ class Trial:
     conflicts: Mapping[str, Conflict] = field(default_factory=dict)
     skills: tuple[str, ...] = ()
     doubt: str = ""
+    is_refuted: bool = False
 
 
 class TaskTrials:
@@ -125,12 +135,23 @@ class TaskTrials:
         self.is_late = False
         # The order found last, if only of some parts of the task.
         self._found: tuple[str, ...] = ()
+        # Verdicts without and with the paths between motions.
+        self._known, self._known_whole = VerdictMemory(), VerdictMemory()
+        # True once an order lost its end to the time.
+        self._is_cut = False
+        # False if verdicts of another layout were taken over that may not hold.
+        self._is_sure = True
 
     def __enter__(self) -> TaskTrials:
         return self
 
     def __exit__(self, *error: object) -> None:
         self._folder.cleanup()
+
+    @property
+    def is_hurried(self) -> bool:
+        """True once parts are left out rather than tried with further tools."""
+        return self.is_late or self._is_over(_RETOOLED_SHARE)
 
     def forget(self, *names: str) -> None:
         """Try parts and screws again."""
@@ -163,9 +184,8 @@ class TaskTrials:
         if isinstance(config, Trial):
             return config
         (task,) = AssemblyDomain().ground(config, "")
-        # Paths between motions are checked once an order is found.
-        setup = Setup(collision=(SWEPT,), options={SWEPT: {"check_travel": False}})
-        feasibility = make_feasibility(task, setup)
+        feasibility = make_feasibility(task, _WITHOUT_TRAVELS)
+        self._is_sure = self._known.recall(feasibility, boldly=True) and self._is_sure
         try:
             first = [name for name in order if name in doubtful]
             failures: dict[str, Failure] = {}
@@ -191,8 +211,14 @@ class TaskTrials:
             faults = _list_engine_faults(task, config)
             if faults:
                 return Trial(faults)
-            return self._find_order(task, config, feasibility, order)
+            trial = self._find_order(task, config, feasibility, order)
+            if trial.is_refuted and not self._is_sure and not self._watch.must_stop():
+                feasibility.close()
+                feasibility, self._is_sure = make_feasibility(task, _WITHOUT_TRAVELS), True
+                trial = self._find_order(task, config, feasibility, order)
+            return trial
         finally:
+            self._known.keep(feasibility)
             feasibility.close()
 
     def confirm(
@@ -327,10 +353,15 @@ class TaskTrials:
         self._watch.report(f"writing: finding an order of {len(task.operations)} parts")
         first = [name for name in self._found if name in task.operations]
         listed = [*first, *(name for name in preferred if name not in first)]
-        order = find_order(task, feasibility, listed, needs, self._watch.must_stop)
+        must_stop = self._watch.must_stop
+        if must_stop() and len(first) == len(task.operations):
+            # Most of it was checked with more parts.
+            must_stop = partial(self._is_over, _ORDERED_SHARES[self._is_cut])
+        order = find_order(task, feasibility, listed, needs, must_stop)
         missing = [name for name in task.operations if name not in order.parts]
         self._found = order.parts or self._found
         if order.parts and missing and not order.ended:
+            self._is_cut = must_stop is not self._watch.must_stop
             unordered = tuple(name for name in missing if name not in order.conflicts)
             return Trial(conflicts=order.conflicts, unordered=unordered)
         if order.conflicts:
@@ -341,10 +372,39 @@ class TaskTrials:
             return Trial(doubt="no order was found in the time or number of checks")
         # With the paths between motions, from the place where the arm is then.
         whole = make_feasibility(task, Setup(collision=(SWEPT,)), feasibility.cache)
+        self._known_whole.recall(whole)
         try:
-            return _replay(whole, order.skills)
+            return self._bring_all(whole, order.skills) or _replay(whole, order.skills)
         finally:
+            self._known_whole.keep(whole)
             whole.close()
+
+    def _is_over(self, share: float) -> bool:
+        return self._watch.attempt(lambda: True, share) is None
+
+    def _bring_all(self, feasibility: Feasibility, skills: Sequence[Skill]) -> Trial | None:
+        """Return the trial of an order that is refused or not checked to its end, or None."""
+        task = feasibility.task
+        state = task.initial
+        for number, skill in enumerate(skills):
+            check = partial(feasibility.verdict, skill, state)
+            verdict = self._watch.attempt(check, _REPLAYED_SHARES[self._is_cut])
+            left = {fact: name for name, fact in task.operations.items() if fact not in state}
+            if verdict is None and len(left) == len(task.operations):
+                return Trial(doubt="its paths were not checked in the time")
+            if verdict is None:
+                self._is_cut = True
+                return Trial(unordered=tuple(left.values()))
+            if not verdict.is_feasible:
+                ahead = [fact for later in skills[number:] for fact in later.prediction.add]
+                failed = next((left[fact] for fact in ahead if fact in left), None)
+                if skill.kind == "turn" or failed is None:
+                    return None
+                words = f"fails in the order that was found: {skill.kind}: {verdict.reason}"
+                conflict = Conflict(words, (), failed, is_by_hand=False)
+                return Trial(conflicts={failed: conflict}, is_refuted=True)
+            state = skill.prediction_in(state).apply(state)
+        return None
 
 
 def _replay(feasibility: Feasibility, skills: Sequence[Skill]) -> Trial:
@@ -398,7 +458,7 @@ def _list_motions(task: Task, name: str) -> tuple[object, ...]:
         replace(robot, places={}, tools=tuple(tool for tool in robot.tools if tool.name in names))
         for robot in task.scene.robots
     )
-    return (*arms, *((skill.motion, skill.ways) for skill in own))
+    return (*arms, *map(describe_motion, own))
 
 
 def _list_facts(task: Task, config: AssemblyConfig, before: Sequence[str], name: str) -> set[str]:
