@@ -116,6 +116,13 @@ class BackEnd(ABC):
         """Receive the other back ends of the chain; called once, before the first check."""
         return
 
+    def take_over(self, other: BackEnd) -> None:
+        """Reuse what a back end with the same name and task has computed; verdicts stay the same.
+
+        Called before the first check.
+        """
+        return
+
     @property
     def basis(self) -> Mapping[str, Any]:
         """JSON values that verdicts depend on in addition to task and options.

@@ -28,7 +28,7 @@ from skillplan.physics.linear_motions import (
 )
 from skillplan.physics.performance import PlannedMotion
 from skillplan.task import back_end
-from skillplan.task.back_end import RemovedDwell
+from skillplan.task.back_end import BackEnd, RemovedDwell
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Robot, Zone, describe_unchecked_joins
 from skillplan.task.skill import Skill
@@ -321,7 +321,17 @@ class SweptDetector(Detector):
             return early
         if key not in self._swept_motions:
             self._swept_motions[key] = self._swept_motion(skill, state)
-        return in_state.on(self._swept_motions[key])
+        swept = self._swept_motions[key]
+        return in_state.on(swept if self.options.check_travel else replace(swept, travels=None))
+
+    def take_over(self, other: BackEnd) -> None:
+        """Use the motions of a detector whose options differ in the check of travels alone."""
+        if not isinstance(other, SweptDetector) or other.task is not self.task:
+            return
+        as_own = {"check_travel": self.options.check_travel}
+        if other.options.model_copy(update=as_own) == self.options:
+            self.paths, self._builder = other.paths, other._builder
+            self._swept_motions, self._approaches = other._swept_motions, other._approaches
 
     def refuse_early(self, skill: Skill, state: State) -> Verdict | None:
         """Return the refusal by a sweep of the hand alone, without joint paths, or None."""
@@ -396,7 +406,7 @@ class SweptDetector(Detector):
             self.task.scene,
             self.paths.planner,
             self.paths.sweeps,
-            self.paths.travels if self.options.check_travel else None,
+            self.paths.travels,
             check_support=self.options.check_support,
         )
 

@@ -116,7 +116,7 @@ class SweptMotionBuilder:
     sweeps
         Sweeps of hand, tool and load.
     travels
-        Returns the travels to motions; None skips their check.
+        Returns the travels to motions.
     check_support
         True if parts left behind need support.
     """
@@ -126,7 +126,7 @@ class SweptMotionBuilder:
         scene: Scene,
         planner: MotionPlanner,
         sweeps: HandSweeps,
-        travels: Callable[[Sequence[ArmMotion]], SkillTravels] | None,
+        travels: Callable[[Sequence[ArmMotion]], SkillTravels],
         *,
         check_support: bool,
     ) -> None:
@@ -161,8 +161,7 @@ class SweptMotionBuilder:
                 supports.append(self._supports(motion))
                 if motion.visit.is_fitted and self._stopped_by(motion):
                     stops.append(self._stops(motion))
-        travels = None if self.travels is None else self.travels(motions)
-        return SweptMotion(tuple(events), tuple(supports), tuple(stops), travels)
+        return SweptMotion(tuple(events), tuple(supports), tuple(stops), self.travels(motions))
 
     def approach(self, motion: LinearMotion) -> tuple[Collision, ...]:
         """Return the collisions of hand and load up to the target, in any state."""

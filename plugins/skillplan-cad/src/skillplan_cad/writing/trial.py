@@ -372,6 +372,8 @@ class TaskTrials:
             return Trial(doubt="no order was found in the time or number of checks")
         # With the paths between motions, from the place where the arm is then.
         whole = make_feasibility(task, Setup(collision=(SWEPT,)), feasibility.cache)
+        for back_end, known in zip(whole.back_ends, feasibility.back_ends, strict=True):
+            back_end.take_over(known)
         self._known_whole.recall(whole)
         try:
             return self._bring_all(whole, order.skills) or _replay(whole, order.skills)
