@@ -17,6 +17,7 @@ from skillplan.cli import run
 from skillplan.errors import OptionError
 from skillplan.plugins import installed
 from skillplan.views.report import draw_import
+from skillplan.views.tables import tabulate_import
 from skillplan_cad.importing import import_cad
 from thinned import slow_case
 
@@ -81,6 +82,15 @@ def test_a_page_shows_the_product_and_what_was_found(made):
     assert '<span data-seek-s="0.000" tabindex="0" role="button">block</span>' in page
     assert "default-src &#x27;none&#x27;" in page
     assert not re.search(r'(src|href)="(?!#|data:)', page)
+
+
+def test_parts_in_place_from_the_start_have_a_row_of_their_own(made):
+    """As the arm does not bring them."""
+    document = json.loads((made / "report.json").read_text("utf-8"))
+    assert document["in_place"] == []
+    *_, reasons = tabulate_import(document | {"in_place": ["block"]}, (), (), whole=True)
+    assert reasons.title.endswith("3 of 3 parts in the task, 1 of them in place from the start")
+    assert reasons.rows[1][1:] == ("1", "-", "block")
 
 
 def test_nests_for_the_plan_are_written_and_drawn_on_the_page(made):

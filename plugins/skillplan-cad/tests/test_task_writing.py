@@ -528,6 +528,7 @@ def test_a_base_beyond_the_payload_stands_in_place_and_another_part_is_left_out(
     (words,) = task.limits["block"]
     assert "9.45 kg, and panda carries 2.27 kg" in words
     assert "--robot ur10e" in words
+    assert task.in_place == ("block",)
     other = assembled(block, ("top", box(0, 0, 86, 70, 200, 140)))
     assert other.document == {}
     assert other.left_out["top"].kind == "too heavy"

@@ -278,7 +278,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.records.schemas import IMPORT
     from skillplan.views.report.import_page import draw_import
-    from skillplan.views.tables.installation import tabulate_import
+    from skillplan.views.tables import tabulate_import
 
     deadline = limits.begin(graceful=True)
     interrupted = threading.Event()

@@ -26,7 +26,7 @@ from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers
 from skillplan.views.report.markup import Markup, facts, join, note, number, table, tag
 from skillplan.views.report.page import Chapter, Section, load_player, render_page
 from skillplan.views.report.plan_sections import build_playback_section, caption_picture
-from skillplan.views.text.wording import count, name_direction, shorten_names
+from skillplan.views.text.wording import IN_PLACE, count, name_direction, shorten_names
 
 _Document = Mapping[str, Any]
 
@@ -215,6 +215,8 @@ def _build_reasons(document: _Document) -> Section:
     summary = document["summary"]
     in_task = summary["in_task"]
     rows = [["in the task", len(in_task), "", ", ".join(in_task) or "-"]]
+    if in_place := document.get("in_place"):
+        rows.append([IN_PLACE, len(in_place), "", ", ".join(in_place)])
     for reason in summary["left_out"]:
         causes = ", ".join(
             f"{cause['part']} ({cause['count']})" if cause["count"] > 1 else cause["part"]

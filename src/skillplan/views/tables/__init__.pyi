@@ -2,6 +2,7 @@ from .benchmark import smallest_difference as smallest_difference
 from .chain import tabulate_appendix as tabulate_appendix
 from .chain import tabulate_chain as tabulate_chain
 from .chain import tabulate_chain_comparison as tabulate_chain_comparison
+from .installation import tabulate_import as tabulate_import
 from .installation import tabulate_listing as tabulate_listing
 from .questions import tabulate_chart as tabulate_chart
 from .questions import tabulate_evaluation as tabulate_evaluation
@@ -24,6 +25,7 @@ __all__ = [
     "tabulate_chart",
     "tabulate_comparison",
     "tabulate_evaluation",
+    "tabulate_import",
     "tabulate_layouts",
     "tabulate_listing",
     "tabulate_methods",

@@ -15,6 +15,7 @@ from skillplan.pipeline.registry import PluginInfo
 from skillplan.records.cache import CacheFilling, CacheSurvey, CacheTest
 from skillplan.views.figures.nest_figure import list_nest_facts
 from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import IN_PLACE
 
 
 def tabulate_listing(listing: Listing) -> Table:
@@ -339,6 +340,10 @@ def _tabulate_reasons(document: Mapping[str, Any], advice: Sequence[str]) -> Tab
     summary = document["summary"]
     in_task = summary["in_task"]
     rows = [("in the task", str(len(in_task)), "-", _name_first(in_task))]
+    title = f"{document['product']}: {len(in_task)} of {summary['parts']} parts in the task"
+    if in_place := document.get("in_place"):
+        rows.append((IN_PLACE, str(len(in_place)), "-", _name_first(in_place)))
+        title += f", {len(in_place)} of them in place from the start"
     for reason in _list_reasons(document):
         causes = [
             f"{cause['part']} ({cause['count']})" if cause["count"] > 1 else cause["part"]
@@ -352,7 +357,6 @@ def _tabulate_reasons(document: Mapping[str, Any], advice: Sequence[str]) -> Tab
         Column("because of"),
         Column("names"),
     ]
-    title = f"{document['product']}: {len(in_task)} of {summary['parts']} parts in the task"
     return Table(title, columns, rows, list(advice))
 
 

@@ -9,6 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
+IN_PLACE = "of them in place from the start: the arm does not bring these"
+"""Parts of a product in a task that no skill brings."""
+
 
 def format_percent(fraction: float | None) -> str:
     """Return a fraction in per cent with two decimals, or a dash."""

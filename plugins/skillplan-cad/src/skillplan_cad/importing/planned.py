@@ -593,6 +593,7 @@ def escape_pattern(text: str) -> str:
 def _build_task_document(task: WrittenTask, relation: Relation) -> dict[str, Any]:
     return {
         "task_names": dict(task.names),
+        "in_place": list(task.in_place),
         "placement": build_placement_document(task.upright),
         "pieces": build_pieces_document(task.pieces, relation),
         "limits": {name: list(lines) for name, lines in task.limits.items()},

@@ -920,6 +920,12 @@ class WrittenTask:
     why_no_nest: str = ""
     station_nests: tuple[TaskNest, ...] = ()
 
+    @property
+    def in_place(self) -> tuple[str, ...]:
+        """Parts that are in place from the start, as the arm does not bring them."""
+        parts = self.document.get("parts", {})
+        return tuple(name for name, own in self.names.items() if parts.get(own, {}).get("fixed"))
+
 
 @dataclass
 class SharedMeshes:
