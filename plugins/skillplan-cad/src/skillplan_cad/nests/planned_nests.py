@@ -59,8 +59,8 @@ class _Phase:
 def plan_nests(product: Product, plan: AssemblyPlan, watch: Watch) -> PlannedNests:
     """Return a nest for each orientation of the plan and of its sub-assemblies.
 
-    A nest holds what is together before the first step in the orientation, and leaves room for the
-    parts that come in it. A request to stop leaves the rest out.
+    A nest holds the parts that are together before the first step in the orientation, and leaves
+    room for the parts that come in it. A request to stop leaves the rest out.
     """
     entries, files = [], dict[str, str | bytes]()
     lines, warnings = [], []

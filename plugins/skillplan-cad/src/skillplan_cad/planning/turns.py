@@ -1,8 +1,8 @@
 """Turn the product for parts and screws that do not come from above in its first orientation.
 
-A workholder carries the product by its base. What is in before a turn has to keep its place in it:
-a screw joins it to the base or to a held part, or else a support of its own holds it. In the next
-orientation all of that stands firm, and further parts come from above again.
+A workholder carries the product by its base. A part that is in before a turn has to keep its place
+in it: a screw joins it to the base or to a held part, or else a support of its own holds it. In the
+next orientation all of that stands firm, and further parts come from above again.
 """
 
 from __future__ import annotations

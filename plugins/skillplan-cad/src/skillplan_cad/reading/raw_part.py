@@ -11,7 +11,7 @@ from skillplan_cad.product import Face, Points, Triangles, Vector
 
 # Largest number of parts; every pair is tested.
 MOST_PARTS = 2_000
-# Largest number of triangles of all parts: 2 GB with what is derived from them.
+# Largest number of triangles of all parts: 2 GB with data derived from them.
 MOST_TRIANGLES = 2_000_000
 
 

@@ -324,7 +324,7 @@ class _TaskBuilder:
             kept = {part.name for part in self._product} - left_out.keys()
             late = kept - self._names.keys() if self._names and trials.is_hurried else ()
             if late:
-                # What else stands now would change the layout of what passed its trial.
+                # Parts that stand now would change the layout of those that passed their trial.
                 self._leave_out(_list_unexamined(late))
                 continue
             is_empty = not kept - self._holds.fixed.keys() or not kept - self._relation.driven
@@ -371,7 +371,7 @@ class _TaskBuilder:
             self._leave_out(more)
 
     def _try(self, task: WrittenTask, trials: TaskTrials, rival: WrittenTask | None) -> Trial:
-        """Try a task: first what its rival lacks, and no more after a failure by the nest."""
+        """Try a task, first the parts that its rival lacks, until the nest is in the way."""
         order = [task.names[name] for name in self._holds.list_order() if name in task.names]
         lacking = () if rival is None else task.names.keys() - rival.names.keys()
         doubtful = [task.names[name] for name in lacking]

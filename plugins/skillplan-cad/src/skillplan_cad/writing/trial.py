@@ -31,8 +31,8 @@ _FALLS = ("would tip off", "has nothing beneath it", "' tips towards", "' slides
 # Shares of the time limit after which no part gets another tool, and at which trials end, so that
 # an order of what passed is found.
 _RETOOLED_SHARE, _TRIED_SHARE = 0.5, 0.65
-# Shares at which the search for an order of what was in one before ends, and its check with all
-# paths: a task with the parts up to there is written and checked in the time that is left.
+# Shares at which the search for an order of parts that had one before ends, and its check with
+# all paths: a task with the parts up to there is written and checked in the time that is left.
 _ORDERED_SHARES, _REPLAYED_SHARES = (0.87, 0.92), (0.9, 0.95)
 # Words of reasons for which an arm does not get to a place, the second half of one included.
 _ARM_WORDS = ("the hand cannot point", "of the arm runs into", "the nearest one is")

@@ -86,7 +86,7 @@ def describe_motion(skill: Skill) -> tuple[object, ...]:
 
 
 def _translate(verdict: Verdict, task: Task, usable_bits: int) -> Verdict | None:
-    """Return a verdict with the facts of another task; None if it rests on what is not there."""
+    """Return a verdict with the facts of another task; None if it rests on lost ones."""
     if verdict.present is None or verdict.absent is None:
         return None
     facts = task.facts
