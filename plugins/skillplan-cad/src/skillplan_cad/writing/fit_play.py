@@ -286,8 +286,8 @@ class _Hull:
         Parameters
         ----------
         others_along
-            Direction in which a later part comes, None for an earlier one. A later part rests on
-            sides that point up, and has the play itself.
+            Direction in which a later part comes, None for an earlier one. A later part that comes
+            down rests on sides that point up; it has the play itself beside the other sides.
         """
         room, box = _REACH_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
         # The way back, as far as it passes the other part.
@@ -306,7 +306,8 @@ class _Hull:
         )
         gaps = []
         for normal, offset, points in self._list_sides(along) if not near.is_empty() else ():
-            if others_along is not None and normal[2] > _STEEP:
+            is_level = others_along is not None and abs(normal @ others_along) < _SIDEWAYS
+            if others_along is not None and normal[2] > _STEEP and not is_level:
                 continue
             ends = np.concatenate([points - _BELOW_MM * normal, points + room * normal])
             front = manifold3d.Manifold.hull_points(np.concatenate([ends, ends + back]))
@@ -322,7 +323,8 @@ class _Hull:
             corners = np.concatenate(met)
             gap = float((corners @ normal).min()) - offset
             key = (*normal.tolist(), offset)
-            has_play = others_along is not None and abs(normal @ others_along) < _SIDEWAYS
+            # Undersides of the other part keep no distance.
+            has_play = is_level and normal[2] <= _STEEP
             kept = max(gap, PLAY_M * _TO_MM) if has_play else gap
             self.sides[key] = min(kept, self.sides.get(key, kept))
             if not has_play:
