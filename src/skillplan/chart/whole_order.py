@@ -78,6 +78,7 @@ def find_order(
     must_stop: Callable[[], bool] = lambda: False,
     *,
     may_drop: bool = True,
+    kept: Collection[str] = (),
 ) -> Order:
     """Return an order of the parts and screws of a task that the back ends accept one by one.
 
@@ -91,8 +92,11 @@ def find_order(
         Returns True once the time is over.
     may_drop
         False to give up where a part would have to be left out.
+    kept
+        Parts that have an order without the others, which are left out first.
     """
-    return _OrderSearch(task, feasibility, preferred, needs, must_stop).run(may_drop=may_drop)
+    search = _OrderSearch(task, feasibility, preferred, needs, must_stop, kept)
+    return search.run(may_drop=may_drop)
 
 
 class _Spent(Exception):
@@ -107,8 +111,10 @@ class _OrderSearch:
         preferred: Sequence[str],
         needs: Mapping[str, Collection[str]],
         must_stop: Callable[[], bool],
+        kept: Collection[str],
     ) -> None:
         self._task, self._feasibility, self._must_stop = task, feasibility, must_stop
+        self._kept = kept
         self._hypothetical = HypotheticalStates(task)
         self._chains = {name: self._hypothetical.chain(name) for name in task.operations}
         listed = [name for name in preferred if name in task.operations]
@@ -270,7 +276,8 @@ class _OrderSearch:
             for culprit in self._list_placed_culprits(name, verdict, rest):
                 blamed.setdefault(culprit, []).append(name)
         dependants = {name: self._list_dependants(name) for name in {**failed, **blamed}}
-        compared = sorted(dependants, key=lambda name: len(dependants[name]))[:_MOST_COMPARED]
+        droppable = [name for name in dependants if name not in self._kept] or dependants
+        compared = sorted(droppable, key=lambda name: len(dependants[name]))[:_MOST_COMPARED]
         lost: dict[str, int] = {}
         for name in compared:
             gone = {name, *dependants[name]}

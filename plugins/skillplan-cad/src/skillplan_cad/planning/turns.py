@@ -137,12 +137,15 @@ def _add_turns(
 
 
 def _rank(relation: Relation, bearing: Bearing) -> tuple[int, int, int]:
-    """Return numbers of which more are better: parts, parts from straight above, no supports."""
+    """Return numbers of which more are better: parts, and the supports that are not needed.
+
+    A part from straight above counts twice, since the arm brings it more easily than from a side.
+    """
     placed = encode_set(
         [relation.index(name) for name in bearing.order if name not in bearing.turned]
     )
     straight = sum(can_come_down(relation, name, placed, up) for name, up in bearing.turned.items())
-    return len(bearing.turned), straight, -len(bearing.held)
+    return len(bearing.turned) + straight, straight, -len(bearing.held)
 
 
 def list_placed(relation: Relation, bearing: Bearing, absent: Collection[str] = ()) -> set[str]:

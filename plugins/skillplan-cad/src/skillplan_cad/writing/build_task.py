@@ -34,7 +34,7 @@ from skillplan_cad.writing.task_document import (
     find_indirect_parts,
     list_undriven_nuts,
 )
-from skillplan_cad.writing.trial import Failure, TaskTrials, Trial
+from skillplan_cad.writing.trial import Failure, TaskTrials, Trial, list_brought
 from skillplan_cad.writing.upright import place_turned, place_upright
 
 # Number of further orientations, which are tried if the arm brings less than a share of the parts.
@@ -99,7 +99,12 @@ def build_task(
     watch = watch or Watch()
     cuts, known = Cuts(product), known or KnownHolds()
 
-    def build(bearing: Bearing, arm: str, rival: WrittenTask | None = None) -> WrittenTask:
+    def build(
+        bearing: Bearing,
+        arm: str,
+        rival: WrittenTask | None = None,
+        early: Collection[str] = (),
+    ) -> WrittenTask:
         builder = _TaskBuilder(
             product,
             relation,
@@ -108,6 +113,7 @@ def build_task(
             bearing,
             remarks or {},
             known,
+            early=early,
             holding=holding,
             nests=NestChoice(relation, bearing.up) if nesting else None,
         )
@@ -156,7 +162,7 @@ def build_task(
         if _is_better(product, task, best):
             best = task
     if turning and holding and not watch.must_stop():
-        best = _turn_product(product, relation, plan, best, absent, build)
+        best = _turn_product(product, relation, plan, best, absent, build, watch)
     return best
 
 
@@ -166,20 +172,36 @@ def _turn_product(
     plan: AssemblyPlan,
     task: WrittenTask,
     absent: Collection[str],
-    build: Callable[[Bearing, str, WrittenTask], WrittenTask],
+    build: Callable[[Bearing, str, WrittenTask, Collection[str]], WrittenTask],
+    watch: Watch,
 ) -> WrittenTask:
-    """Return a task that turns the product if it has more of the parts, or else the given one."""
+    """Return a task that turns the product if it has more of the parts, or else the given one.
+
+    First, all that the given task has goes in as it does there. Then parts that would need fewer
+    supports after a turn wait for it, if that leaves out no part.
+    """
     later = _list_retried(task)
     gone = {*absent, *later}
     bearing = find_bearing(product, relation, task.bearing.up, gone, holding=True)
-    turned = add_turns(product, relation, bearing, absent, plan.base, later)
-    most = _weigh(product, task.names)
-    promised = list_placed(relation, turned, absent)
-    if not turned.turned or not task.document or _weigh(product, promised) <= most:
-        return task
-    further = build(turned, task.document["robot"]["model"], task)
-    stands = not further.doubt.startswith("turn(")
-    return further if stands and _is_better(product, further, task) else task
+    most, best = _weigh(product, task.names), task
+    for early in (task.names.keys(), set[str]()):
+        turned = add_turns(product, relation, bearing, absent, plan.base, later, early)
+        promised = list_placed(relation, turned, absent)
+        is_more = _weigh(product, promised) > most
+        if best is not task:
+            spares = len(turned.held) < len(best.bearing.held)
+            is_more = spares and promised >= best.names.keys()
+        if not (is_more and turned.turned and task.document) or watch.must_stop():
+            break
+        further = build(turned, task.document["robot"]["model"], task, early)
+        stands = not further.doubt.startswith("turn(")
+        if best is not task:
+            spares = len(further.bearing.held) < len(best.bearing.held)
+            stands &= spares and further.names.keys() >= best.names.keys()
+        if not (stands and _is_better(product, further, task)):
+            break
+        best = further
+    return best
 
 
 def _list_retried(task: WrittenTask) -> dict[str, LeftOut]:
@@ -238,6 +260,7 @@ class _TaskBuilder:
         remarks: Mapping[str, Sequence[str]],
         known: KnownHolds,
         *,
+        early: Collection[str],
         holding: bool,
         nests: NestChoice | None,
     ) -> None:
@@ -251,8 +274,8 @@ class _TaskBuilder:
         self._absent: dict[str, LeftOut] = {}
         # Parts that fail in the first orientation, and are tried after a turn.
         self._later: dict[str, LeftOut] = {}
-        # Parts that waited for a turn to save supports, and go in before it as one failed there.
-        self._early: set[str] = set()
+        # Parts that do not wait for a turn to save supports.
+        self._early = early
         self._begin(bearing)
 
     def _begin(self, bearing: Bearing) -> None:
@@ -364,6 +387,7 @@ class _TaskBuilder:
                 return replace(task, faults=(general,))
             more = self._judge(trial, {task.names[name]: name for name in task.names}, trials)
             if more is None:
+                self._holds.keep()
                 why_no_nest = "" if self._nests is None else self._nests.why_none
                 return replace(
                     task, skills=trial.skills, doubt=trial.doubt, why_no_nest=why_no_nest
@@ -372,7 +396,14 @@ class _TaskBuilder:
 
     def _try(self, task: WrittenTask, trials: TaskTrials, rival: WrittenTask | None) -> Trial:
         """Try a task, first the parts that its rival lacks, until the nest is in the way."""
-        order = [task.names[name] for name in self._holds.list_order() if name in task.names]
+        listed, known = self._holds.list_order(), list[str]()
+        if rival is not None and rival.bearing.up == self._bearing.up:
+            # What the rival brings goes in in its order, and before what comes after a turn.
+            brought = list_brought(rival.skills)
+            names = {own: name for name, own in rival.names.items()}
+            known = [names[own] for own in brought if names[own] not in self._bearing.turned]
+            listed = [*known, *(name for name in listed if name not in known)]
+        order = [task.names[name] for name in listed if name in task.names]
         lacking = () if rival is None else task.names.keys() - rival.names.keys()
         doubtful = [task.names[name] for name in lacking]
         return trials.try_task(
@@ -380,6 +411,7 @@ class _TaskBuilder:
             task.files,
             order,
             doubtful,
+            [task.names[name] for name in known if name in task.names],
             lambda failure: self._is_nest_in(task, failure.text),
         )
 
@@ -482,8 +514,6 @@ class _TaskBuilder:
             and self._bearing.get_up(name) == up
             and name not in self._later
         }
-        early = self._bring_forward(reasons)
-        reasons = {name: reason for name, reason in reasons.items() if name not in early}
         waiting = {n: why for n, why in self._later.items() if n not in reasons and self._turning}
         self._absent |= {**self._later, **reasons}
         self._later = waiting | moved
@@ -499,24 +529,6 @@ class _TaskBuilder:
         order, held = bearing.order, bearing.held
         more = [name for name in self._falling if name in order and name not in held]
         self._bearing = replace(bearing, held=(*held, *more))
-
-    def _bring_forward(self, reasons: Mapping[str, LeftOut]) -> set[str]:
-        """Return the failed parts that waited for a turn; all that did go in before it from now."""
-        failed = {
-            name
-            for name in self._bearing.turned.keys() & reasons.keys()
-            if reasons[name].kind in _RETRIED
-        }
-        if self._early or not self._turning or not failed:
-            return set()
-        gone = {**self._absent, **self._later}
-        before = find_bearing(
-            self._product, self._given, self._bearing.up, gone, holding=self._holding
-        )
-        waiting = self._bearing.turned.keys() & set(before.order)
-        failed &= waiting
-        self._early = waiting if failed else set()
-        return failed
 
     def _is_in_same_poses(self) -> bool:
         """Return whether all parts go in in the orientations that were begun with."""

@@ -7,7 +7,6 @@ with all paths; without one, the groups are not written.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -31,7 +30,7 @@ from skillplan_cad.writing.task_document import (
     format_task,
     lay_out_table,
 )
-from skillplan_cad.writing.trial import TaskTrials
+from skillplan_cad.writing.trial import TaskTrials, list_brought
 
 # Height from which on an item has room for a hand next to it [m].
 _TALL_M = 0.05
@@ -365,12 +364,6 @@ def _build_group(
     return task if task.skills and len(task.names) == len(members) and stays else None
 
 
-def _list_brought(skills: Iterable[str]) -> list[str]:
-    """Return the parts and screws of skills that place or fasten, in order."""
-    matches = (re.fullmatch(r"(?:place|fasten)\(([^.)]+).*\)", skill) for skill in skills)
-    return [match.group(1) for match in matches if match]
-
-
 class _Merger:
     """Merges the task of a product with that of one of its groups.
 
@@ -388,7 +381,7 @@ class _Merger:
         self._joined, self._product, self._name = joined, product, name
         self._whole, self._own = whole, own
         self._key = whole.names[name]
-        self._members = _list_brought(own.skills)
+        self._members = list_brought(own.skills)
         part = joined.product.parts[joined.product.index(name)]
         self._part, self._station = part, np.asarray(own.upright.bottom(part))
         self._nest = None if own.nest is None else _rename_nest(own.nest, self._name_nest())
@@ -570,7 +563,7 @@ def _rename_nest(nest: TaskNest, name: str) -> TaskNest:
 def _confirm(task: WrittenTask, watch: Watch) -> WrittenTask:
     """Return a task with its order if `swept` accepts the whole of it; without skills if not."""
     with TaskTrials(watch) as trials:
-        trial = trials.confirm(task.document, task.files, _list_brought(task.skills))
+        trial = trials.confirm(task.document, task.files, list_brought(task.skills))
     return replace(task, skills=trial.skills, doubt=trial.doubt)
 
 

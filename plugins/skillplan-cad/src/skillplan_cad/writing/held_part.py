@@ -219,9 +219,17 @@ def describe_too_heavy(mass_kg: float, tool_kg: float, robot: str, tool: str) ->
 
 @dataclass(slots=True)
 class KnownHolds:
-    """Tools and grasps that were found, by part, side up and depth in other parts."""
+    """Tools and grasps that were found, by part, side up and depth in other parts.
+
+    Attributes
+    ----------
+    granted, bits
+        Tools and grasps, and numbers of the bits, of an accepted task, by part and side up.
+    """
 
     _found: dict[tuple[Any, ...], tuple[list[Held], Iterator[Held]]] = field(default_factory=dict)
+    granted: dict[tuple[str, Vector], Held] = field(default_factory=dict)
+    bits: dict[tuple[str, Vector], int] = field(default_factory=dict)
 
     def iterate(self, key: tuple[Any, ...], search: Callable[[], Iterator[Held]]) -> Iterator[Held]:
         """Yield the holds of a part; each is searched once."""
@@ -290,7 +298,8 @@ class PartHolds:
 
     def extension(self, name: str) -> int:
         """Return the number of the bit that drives a screw or nut."""
-        return self._extensions.get(name, 0)
+        bit = self._known.bits.get((name, self._bearing.get_up(name)), 0)
+        return self._extensions.get(name, bit)
 
     def find_failure(self, name: str) -> Failure | None:
         """Return why the arm cannot bring a part with the tools before the chosen one, or None."""
@@ -336,6 +345,13 @@ class PartHolds:
             elif not self.take_next(name):
                 unheld |= self.give_up(name)
         return unheld
+
+    def keep(self) -> None:
+        """Let the chosen tools be the first ones of the next task."""
+        for name, held in self._chosen.items():
+            self._known.granted[name, self._bearing.get_up(name)] = held
+        for name, bit in self._extensions.items():
+            self._known.bits[name, self._bearing.get_up(name)] = bit
 
     def list_loads(self) -> dict[str, Load]:
         """Return the loads of an arm, parts with their chosen tools."""
@@ -488,8 +504,16 @@ class PartHolds:
         local = upright.vertices(part) - bottom
         centre = upright.matrix @ np.asarray(part.centre_m) + upright.offset_m - bottom
         sunk_m = round(max(0.0, self._find_sunk_m(part) - float(bottom[2])), 6)
-        key = (part.name, part.density_kg_m3, self._bearing.get_up(part.name), sunk_m)
-        return self._known.iterate(key, lambda: list_holds(part, local, centre, self._hand, sunk_m))
+        up = self._bearing.get_up(part.name)
+        granted = self._known.granted.get((part.name, up))
+        if granted is not None:
+            yield granted
+        key = (part.name, part.density_kg_m3, up, sunk_m)
+        for held in self._known.iterate(
+            key, lambda: list_holds(part, local, centre, self._hand, sunk_m)
+        ):
+            if held != granted:
+                yield held
 
     def _find_sunk_m(self, part: Part) -> float:
         """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""

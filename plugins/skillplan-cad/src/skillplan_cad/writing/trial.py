@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -163,6 +164,7 @@ class TaskTrials:
         files: Mapping[str, str],
         order: Sequence[str],
         doubtful: Collection[str] = (),
+        known: Collection[str] = (),
         is_final: Callable[[Failure], bool] = lambda failure: False,
     ) -> Trial:
         """Check a task, try each pick, place and fastening when its turn comes, and find an order.
@@ -177,6 +179,8 @@ class TaskTrials:
             Names of parts and screws in the order of the plan.
         doubtful
             Names that are tried before all others; if one fails, the others are not tried.
+        known
+            Names that have an order without the others.
         is_final
             Returns True for a failure after which nothing else is tried.
         """
@@ -211,11 +215,11 @@ class TaskTrials:
             faults = _list_engine_faults(task, config)
             if faults:
                 return Trial(faults)
-            trial = self._find_order(task, config, feasibility, order)
+            trial = self._find_order(task, config, feasibility, order, known)
             if trial.is_refuted and not self._is_sure and not self._watch.must_stop():
                 feasibility.close()
                 feasibility, self._is_sure = make_feasibility(task, _WITHOUT_TRAVELS), True
-                trial = self._find_order(task, config, feasibility, order)
+                trial = self._find_order(task, config, feasibility, order, known)
             return trial
         finally:
             self._known.keep(feasibility)
@@ -341,7 +345,12 @@ class TaskTrials:
                 self._moved[name] = _list_motions(task, name)
 
     def _find_order(
-        self, task: Task, config: AssemblyConfig, feasibility: Feasibility, preferred: Sequence[str]
+        self,
+        task: Task,
+        config: AssemblyConfig,
+        feasibility: Feasibility,
+        preferred: Sequence[str],
+        known: Collection[str],
     ) -> Trial:
         """Return the order of the whole task, or the parts that are in none."""
         needs: dict[str, Collection[str]] = {
@@ -357,7 +366,7 @@ class TaskTrials:
         if must_stop() and len(first) == len(task.operations):
             # Most of it was checked with more parts.
             must_stop = partial(self._is_over, _ORDERED_SHARES[self._is_cut])
-        order = find_order(task, feasibility, listed, needs, must_stop)
+        order = find_order(task, feasibility, listed, needs, must_stop, kept=known)
         missing = [name for name in task.operations if name not in order.parts]
         self._found = order.parts or self._found
         if order.parts and missing and not order.ended:
@@ -372,8 +381,8 @@ class TaskTrials:
             return Trial(doubt="no order was found in the time or number of checks")
         # With the paths between motions, from the place where the arm is then.
         whole = make_feasibility(task, Setup(collision=(SWEPT,)), feasibility.cache)
-        for back_end, known in zip(whole.back_ends, feasibility.back_ends, strict=True):
-            back_end.take_over(known)
+        for back_end, other in zip(whole.back_ends, feasibility.back_ends, strict=True):
+            back_end.take_over(other)
         self._known_whole.recall(whole)
         try:
             return self._bring_all(whole, order.skills) or _replay(whole, order.skills)
@@ -407,6 +416,12 @@ class TaskTrials:
                 return Trial(conflicts={failed: conflict}, is_refuted=True)
             state = skill.prediction_in(state).apply(state)
         return None
+
+
+def list_brought(skills: Iterable[str]) -> list[str]:
+    """Return the parts and screws of skills that place or fasten, in order."""
+    matches = (re.fullmatch(r"(?:place|fasten)\(([^.)]+).*\)", skill) for skill in skills)
+    return [match.group(1) for match in matches if match]
 
 
 def _replay(feasibility: Feasibility, skills: Sequence[Skill]) -> Trial:
