@@ -165,6 +165,8 @@ _LEAST_M = 2e-4
 # Greatest number of pairs of points and faces in one array, which fits the cache of a core.
 _PAIRS = 30_000
 _FEWEST = 16
+# Rotation that is along no axis and no usual slope.
+_SKEW = np.linalg.qr(np.array([[1.0, 0.37, 0.23], [-0.41, 1.0, 0.31], [-0.19, -0.43, 1.0]]))[0]
 # Number of points or edges for which the nearest faces are chosen together.
 _GROUP = 64
 _NM = 1e-9
@@ -296,12 +298,46 @@ class _Faces:
                 yield group[first : first + faces._chunk], faces
 
     def inside(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Return True for points inside the surface (Van Oosterom and Strackee 1983)."""
-        is_inside = np.empty(len(points), dtype=bool)
-        for first in range(0, len(points), self._chunk):
-            some = slice(first, first + self._chunk)
+        """Return True for points inside the surface, by their turns or the faces above them."""
+        is_inside = np.zeros(len(points), dtype=bool)
+        is_open = np.ones(len(points), dtype=bool)
+        if len(points) * len(self._height) > _PAIRS:
+            counts, is_open = self._count_above(points)
+            is_inside = counts > 0
+        rest = np.flatnonzero(is_open)
+        for first in range(0, len(rest), self._chunk):
+            some = rest[first : first + self._chunk]
             is_inside[some] = self._turns(points[some]) > 0.5
         return is_inside
+
+    def _count_above(self, points: Floats) -> tuple[Indices, npt.NDArray[np.bool_]]:
+        """Return by how many more upward than downward faces are above points, and the open points.
+
+        A point is open if it is too near a face, or if its ray is too near an edge. Coordinates are
+        turned, so few rays along walls and edges are.
+        """
+        tops = (self._triangles - self._middle) @ _SKEW.T
+        origins = (points - self._middle) @ _SKEW.T
+        counts, is_open = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=bool)
+        slack = _ROUNDING * float(np.abs(tops).max()) ** 2
+        for which, face in _pair_in_plan(origins[:, None], tops):
+            point, corners = origins[which], tops[face]
+            above = corners[:, :, 2].max(axis=1) > point[:, 2] - _SLACK_M
+            which, point, corners = which[above], point[above], corners[above]
+            away = corners - point[:, None]
+            x, y, z = away[:, :, 0], away[:, :, 1], away[:, :, 2]
+            # Areas of the triangles of the point with the sides of the face, in plan.
+            areas = x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)
+            turn, total = np.sign(areas), areas.sum(axis=1)
+            is_met = np.abs(turn.sum(axis=1)) == 3
+            heights = (areas * np.roll(z, 1, axis=1)).sum(axis=1)
+            heights /= np.where(is_met, total, 1.0)
+            is_near = (np.abs(areas) <= slack).any(axis=1)
+            is_near |= is_met & (np.abs(heights) <= _SLACK_M)
+            is_open[which[is_near]] = True
+            is_crossed = is_met & (heights > 0)
+            np.add.at(counts, which[is_crossed], turn[is_crossed, 0].astype(np.int64))
+        return counts, is_open
 
     def _squares_from(self, points: Floats) -> Floats:
         """Return the squared distances of points from faces [m2], shape (points, faces)."""

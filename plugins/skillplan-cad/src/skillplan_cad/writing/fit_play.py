@@ -205,7 +205,11 @@ class FitPlay:
         for other, others_along in self._find_near(part, low, high, along, bottom):
             shift = -bottom * _TO_MM
             solid = self._solid(other, own).translate(tuple(shift.tolist()))
-            gaps_mm = [gap for hull in everything for gap in hull.face(solid, along, others_along)]
+            gaps_mm = [
+                gap
+                for hull, back in _list_passing(everything, solid, along)
+                for gap in hull.face(solid, along, back, others_along)
+            ]
             if gaps_mm:
                 pair = frozenset((part.name, other))
                 drawn_m = self.drawn_m.get(pair)
@@ -266,6 +270,21 @@ def _cut_pieces(hulls: Sequence[_Hull], pieces: Pieces, along: Floats) -> Iterat
             yield own
 
 
+def _list_passing(
+    hulls: Sequence[_Hull], other: manifold3d.Manifold, along: Floats
+) -> list[tuple[_Hull, Floats]]:
+    """Return the pieces whose boxes pass that of another part, with their way back past it."""
+    room, box = _REACH_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
+    corners = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)
+    lengths = np.array([hull.reach(along) for hull in hulls]) - float((corners @ along).min())
+    backs = -along * lengths[:, None]
+    lows, highs = np.array([hull.low for hull in hulls]), np.array([hull.high for hull in hulls])
+    is_apart = (np.minimum(lows, lows + backs) - room > box[1]).any(axis=1)
+    is_apart |= (np.maximum(highs, highs + backs) + room < box[0]).any(axis=1)
+    passing = np.flatnonzero((lengths > _BELOW_MM) & ~is_apart)
+    return [(hulls[number], backs[number]) for number in passing.tolist()]
+
+
 class _Hull:
     """A convex piece, and the distances that its sides keep from other parts [mm]."""
 
@@ -278,36 +297,42 @@ class _Hull:
         self.sides: dict[tuple[float, float, float, float], float] = {}
         self._facets: list[tuple[Floats, float, Points]] | None = None
 
+    def reach(self, along: Floats) -> float:
+        """Return how far the piece reaches in a direction [mm]."""
+        return float((self._points @ along).max())
+
     def face(
-        self, other: manifold3d.Manifold, along: Floats, others_along: Floats | None
+        self,
+        other: manifold3d.Manifold,
+        along: Floats,
+        back: Floats,
+        others_along: Floats | None,
     ) -> list[float]:
         """Note the sides that pass another part within the clearance of a fit; return the gaps.
 
         Parameters
         ----------
+        back
+            Way back, as far as it passes the other part [mm].
         others_along
             Direction in which a later part comes, None for an earlier one. A later part that comes
             down rests on sides that point up; it has the play itself beside the other sides.
         """
-        room, box = _REACH_M * _TO_MM, np.array(other.bounding_box()).reshape(2, 3)
-        # The way back, as far as it passes the other part.
-        ahead = float((self._points @ along).max())
-        corners = np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])
-        length = ahead - float((corners @ along).min())
-        if length <= _BELOW_MM:
-            return []
-        back = -along * length
+        room = _REACH_M * _TO_MM
         low = np.minimum(self.low, self.low + back) - room
         high = np.maximum(self.high, self.high + back) + room
-        if (low > box[1]).any() or (high < box[0]).any():
-            return []
         near = other ^ manifold3d.Manifold.cube(tuple((high - low).tolist())).translate(
             tuple(low.tolist())
         )
-        gaps = []
-        for normal, offset, points in self._list_sides(along) if not near.is_empty() else ():
+        if near.is_empty():
+            return []
+        gaps, shape = [], near.to_mesh64().vert_properties[:, :3]
+        for normal, offset, points in self._list_sides(along):
             is_level = others_along is not None and abs(normal @ others_along) < _SIDEWAYS
             if others_along is not None and normal[2] > _STEEP and not is_level:
+                continue
+            heights = shape @ normal
+            if heights.max() <= offset or heights.min() > offset + room:
                 continue
             ends = np.concatenate([points - _BELOW_MM * normal, points + room * normal])
             front = manifold3d.Manifold.hull_points(np.concatenate([ends, ends + back]))
@@ -381,7 +406,8 @@ class _Hull:
             normal = np.array([x, y, z])
             side = offset - max(0.0, PLAY_M * _TO_MM - gap)
             width = float(np.ptp(self._points @ normal))
-            solid = solid.trim_by_plane((-x, -y, -z), -side)
+            if side < offset:
+                solid = solid.trim_by_plane((-x, -y, -z), -side)
             chamfer = min(CHAMFER_M * _TO_MM, _SHARE * min(length, width))
             slope = normal + along
             slope /= np.linalg.norm(slope)

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import manifold3d
 import numpy as np
+from scipy.spatial import cKDTree
 
 from skillplan_cad.blocking.all_pairs import BlockingTest
 from skillplan_cad.joints.cylinder_fits import find_cylinder_fits
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.planning.watch import Watch
-from skillplan_cad.product import Part, Points, Product, Triangles
+from skillplan_cad.product import Part, Points, Product, Triangles, make_solid
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import (
     Hollow,
@@ -23,10 +24,12 @@ from skillplan_cad.writing.convex_pieces import (
     measure_excess_m,
 )
 from skillplan_cad.writing.fit_play import FitPlay, Loosened, Played
-from skillplan_cad.writing.lanes import Lane, Lanes
+from skillplan_cad.writing.lanes import Lane, Lanes, measure_thickness
 from skillplan_cad.writing.upright import Upright
 
 Mesh = tuple[Points, Triangles]
+# Rotation matrix and shift [m].
+Motion = tuple[Points, Points]
 
 # Allowed excess of pieces: at first, and as a share of the tolerance for the second cut.
 _COARSE_M = 3e-4
@@ -34,8 +37,11 @@ _FINE_SHARE = 0.5
 # Share of the time limit at which cutting is interrupted, so that trials have the rest.
 _CUTTING_SHARE = 0.7
 _SAME_M = 1e-6
-# Distance of vertices that mesh files round to the same [m].
-_ROUNDED_M = 5e-8
+# Distance of vertices that mesh files round to the same, and of corners of meshes in single
+# precision that are in different places [m]; thickness of a film between them [mm].
+_ROUNDED_M, _NEAR_M, _FILM_MM = 5e-8, 2e-7, 1e-3
+# Number of rotations tried between meshes of one shape.
+_MOST_TRIED = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +231,8 @@ class Cuts:
 
     def __init__(self, product: Product) -> None:
         self.fits = find_cylinder_fits(product)
-        self._made: dict[tuple[bytes, float], list[_Cut]] = {}
+        # By the numbers of corners and triangles, and the allowed excess.
+        self._made: dict[tuple[int, int, float], list[_Cut]] = {}
 
     def cut(
         self,
@@ -239,21 +246,22 @@ class Cuts:
 
         They are turned from an equal shape that was cut before, if possible.
         """
-        key = triangles.tobytes()
-        for (other, other_m), cuts in self._made.items():
-            if other != key or other_m < allowed_m:
+        key = len(vertices_m), len(triangles)
+        for (*other, other_m), cuts in self._made.items():
+            if tuple(other) != key or other_m < allowed_m:
                 continue
             for cut in cuts:
                 # Finer cuts would stop at the same pieces.
                 is_same = other_m == allowed_m or is_full(cut.pieces)
-                pieces = cut.turn(vertices_m) if is_same else None
+                pieces = cut.turn(vertices_m, triangles) if is_same else None
                 if pieces is None:
                     continue
                 excess_m = measure_excess_m(pieces, vertices_m, triangles, lane)
                 if lane is None or excess_m <= lane.allowed_m or lane.is_like(cut.lane):
                     return pieces, excess_m
         pieces = decompose_convex(vertices_m, triangles, allowed_m, hollows, lane)
-        self._made.setdefault((key, allowed_m), []).append(_Cut(vertices_m, lane, pieces))
+        cut = _Cut(vertices_m, triangles, lane, pieces)
+        self._made.setdefault((*key, allowed_m), []).append(cut)
         return pieces, measure_excess_m(pieces, vertices_m, triangles, lane)
 
 
@@ -262,27 +270,43 @@ class _Cut:
     """A mesh that was cut."""
 
     vertices_m: Points
+    triangles: Triangles
     lane: Lane | None
     pieces: Pieces
 
-    def turn(self, vertices_m: Points) -> Pieces | None:
-        """Return the pieces for vertices that are moved as a rigid body, or None."""
-        if vertices_m.shape != self.vertices_m.shape:
-            return None
-        if np.abs(vertices_m - self.vertices_m).max() < _ROUNDED_M:
+    def turn(self, vertices_m: Points, triangles: Triangles) -> Pieces | None:
+        """Return the pieces for a mesh that is moved as a rigid body, or None."""
+        is_same_mesh = np.array_equal(triangles, self.triangles)
+        if is_same_mesh and np.abs(vertices_m - self.vertices_m).max() < _ROUNDED_M:
             return self.pieces
-        turn, shift_m = _fit_rigid_motion(self.vertices_m, vertices_m)
-        if np.abs(self.vertices_m @ turn.T + shift_m - vertices_m).max() > _ROUNDED_M:
+        if is_same_mesh:
+            motion: Motion | None = _fit_rigid_motion(self.vertices_m, vertices_m)
+        else:
+            motion = _find_rigid_motion(self.vertices_m, vertices_m)
+        if motion is None:
             return None
+        moved_m = _move(self.vertices_m, motion)
+        if is_same_mesh:
+            if np.abs(moved_m - vertices_m).max() > _ROUNDED_M:
+                return None
+        else:
+            moved, own = make_solid(moved_m, self.triangles), make_solid(vertices_m, triangles)
+            if max(measure_thickness(moved - own), measure_thickness(own - moved)) > _FILM_MM:
+                return None
         # Rounded faces of small pieces are no longer convex, so each piece is a hull anew.
         rebuilt = (
-            build_mesh(manifold3d.Manifold.hull_points((points @ turn.T + shift_m) * 1e3))
+            build_mesh(manifold3d.Manifold.hull_points(_move(points, motion) * 1e3))
             for points, _ in self.pieces
         )
         return tuple(piece for piece in rebuilt if piece is not None)
 
 
-def _fit_rigid_motion(before_m: Points, after_m: Points) -> tuple[Points, Points]:
+def _move(points_m: Points, motion: Motion) -> Points:
+    turn, shift_m = motion
+    return points_m @ turn.T + shift_m
+
+
+def _fit_rigid_motion(before_m: Points, after_m: Points) -> Motion:
     """Return rotation and shift that bring points closest to others (Kabsch 1976)."""
     centre_before, centre_after = before_m.mean(axis=0), after_m.mean(axis=0)
     u, _, vt = np.linalg.svd((before_m - centre_before).T @ (after_m - centre_after))
@@ -292,6 +316,45 @@ def _fit_rigid_motion(before_m: Points, after_m: Points) -> tuple[Points, Points
         # Quarter turns stay exact.
         turn = np.round(turn)
     return turn, centre_after - turn @ centre_before
+
+
+def _find_rigid_motion(before_m: Points, after_m: Points) -> Motion | None:
+    """Return a motion that brings points onto others in any order, or None.
+
+    Two corners far from the centre and from each other fix the rotation.
+    """
+    before, after = before_m - before_m.mean(axis=0), after_m - after_m.mean(axis=0)
+    radii, others = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+    if np.abs(np.sort(radii) - np.sort(others)).max() > _NEAR_M:
+        return None
+    first = int(np.argmax(radii))
+    second = int(np.argmax(np.linalg.norm(np.cross(before, before[first]), axis=1)))
+    apart = np.linalg.norm(before[first] - before[second])
+    tree = cKDTree(after)
+    seconds = np.flatnonzero(np.abs(others - radii[second]) < _NEAR_M)
+    tried = 0
+    for a in np.flatnonzero(np.abs(others - radii[first]) < _NEAR_M).tolist():
+        distances = np.linalg.norm(after[seconds] - after[a], axis=1)
+        for b in seconds[np.abs(distances - apart) < _NEAR_M].tolist():
+            tried += 1
+            if tried > _MOST_TRIED:
+                return None
+            turn, _ = _fit_rigid_motion(
+                _build_cross(before, first, second), _build_cross(after, a, b)
+            )
+            _, mates = tree.query(before @ turn.T)
+            turn, shift_m = _fit_rigid_motion(before_m, after_m[mates])
+            if np.abs(before_m @ turn.T + shift_m - after_m[mates]).max() < _NEAR_M:
+                return turn, shift_m
+    return None
+
+
+def _build_cross(points: Points, first: int, second: int) -> Points:
+    """Return two points, the normal of their plane with the origin, and the origin."""
+    a, b = points[first], points[second]
+    across = np.cross(a, b)
+    normal = across / max(float(np.linalg.norm(across)), 1e-30) * float(np.linalg.norm(a))
+    return np.array([a, b, normal, -a, -b, -normal])
 
 
 class _Cutter:
