@@ -278,6 +278,15 @@ def test_jaws_hold_a_ring_from_outside_and_a_high_one_from_inside():
     assert {grasp.entry["hold"] for grasp in ring.find_inner_grasps(slim)} == {"inner"}
 
 
+def test_jaws_reach_below_the_bevel_of_a_part_on_which_rays_are_wide_apart():
+    """On the bevel, a single row of rays does not show that it slopes."""
+    post = (box(0, 0, 0, 40, 40, 255) + box(5, 0, 0, 35, 40, 260)).hull()
+    grasps = finder_of(post).find_jaw_grasps(HAND, [DOWN], 0.0)
+    widths_m = [grasp.entry["width_m"] for grasp in grasps if grasp.entry["closing_axis"] == "x"]
+    assert widths_m
+    assert min(widths_m) == pytest.approx(0.04, abs=1e-4)
+
+
 def test_a_plate_that_is_wider_than_jaws_open_is_held_by_no_jaws():
     assert finder_of(box(0, 0, 0, 100, 90, 12)).find_jaw_grasps(HAND, [DOWN], 0.0) == []
 

@@ -527,15 +527,17 @@ class _Field:
         borders = ((1, 0, 1, along[0] - 1), (0, 0, 1, across[0] - 1), (0, -1, -2, across[-1] + 1))
         for axis, border, inner, outside in borders:
             kept = along if axis == 0 else across
-            inside = touches[0].shape[axis] > 1 and 0 <= outside < self.begins.shape[axis]
-            if not inside:
+            # A single row does not show whether a face is upright; a single column is as wide as
+            # a jaw.
+            is_single = touches[0].shape[axis] == 1
+            if not 0 <= outside < self.begins.shape[axis] or (is_single and axis == 0):
                 continue
             begins = self.begins.take(outside, axis)[kept]
             ends = self.ends.take(outside, axis)[kept]
             for mask, side, sign in zip(touches, sides, (-1, 1), strict=True):
                 at = side + sign * _NEAR_M
                 is_wider = (np.isfinite(begins) & (begins <= at) & (ends >= at)).any(axis=1)
-                slips = is_wider & ~np.any(mask.take(inner, axis), axis=1)
+                slips = is_wider & (is_single or ~np.any(mask.take(inner, axis), axis=1))
                 where = (border, slips) if axis == 0 else (slips, border)
                 mask[where] = False
 
