@@ -232,7 +232,7 @@ class _OrderSearch:
         return learned
 
     def _leads(self, first: str, last: str) -> bool:
-        """Return whether a part goes in before another, by what is known."""
+        """Return whether a part goes in before another, as far as is known."""
         waiting, seen = [last], set[str]()
         while waiting:
             for other in self._before[waiting.pop()] - seen:

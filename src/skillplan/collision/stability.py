@@ -283,7 +283,7 @@ class StabilityDetector(Detector):
             for touch in product.touches
             if touch.body in reached and (touch.other in reached or not self._is_part(touch.other))
         ]
-        # A held part bounds the product; what is beyond it does not matter.
+        # A held part bounds the product; parts beyond it do not matter.
         return replace(product, touches=kept)
 
     def _join(self, there: _There, basis: _Basis, product: _Product) -> Iterator[_There]:
