@@ -454,7 +454,7 @@ class PartHolds:
         wide_mm = float(self._upright.of(part.name).size(part)[:2].min()) * 1e3
         most_mm = max(equip_hand(self._hand, name)[0].opening_m for name in GRIPPERS) * 1e3
         words = (
-            f"is {wide_mm:.0f} mm wide, has no opposite faces that a gripper holds (they open up "
+            f"is {wide_mm:.3g} mm wide, has no opposite faces that a gripper holds (they open up "
             f"to {most_mm:.0f} mm), and no level face wide enough for a cup"
         )
         if self._fix(name, words):
