@@ -93,7 +93,7 @@ def find_order(
     may_drop
         False to give up where a part would have to be left out.
     kept
-        Parts that have an order without the others, which are left out first.
+        Parts that have an order without the others: those that cannot follow it are left out.
     """
     search = _OrderSearch(task, feasibility, preferred, needs, must_stop, kept)
     return search.run(may_drop=may_drop)
@@ -133,6 +133,9 @@ class _OrderSearch:
         without: list[str] = []
         try:
             order = self._place_all()
+            if self._kept and not {*self._kept} & {*self._alive} - {*order}:
+                order, conflicts = self._follow(order)
+                return Order(tuple(order), self._list_skills(order), conflicts)
             while len(order) < len(self._alive):
                 taken, failed = self._take_apart(self._alive)
                 if len(taken) == len(self._alive):
@@ -184,9 +187,38 @@ class _OrderSearch:
         order = self._longest
         for name in self._alive:
             done = frozenset(order)
-            if not self._before[name] - done and self._find_failure(name, done) is None:
+            if (
+                name not in done
+                and not self._before[name] - done
+                and self._find_failure(name, done) is None
+            ):
                 order.append(name)
         return order
+
+    def _follow(self, order: list[str]) -> tuple[list[str], dict[str, Conflict]]:
+        """Return an order with all parts that can follow it, and why the others cannot."""
+        count = 0
+        while count < len(order):
+            count = len(order)
+            order = self._place_all()
+        conflicts: dict[str, Conflict] = {}
+        for name in self._alive:
+            waiting = tuple(sorted(self._before[name] - {*order}))
+            verdict = None if name in order else self._find_failure(name, {*order})
+            if waiting:
+                words = f"waits for {' and '.join(waiting)}"
+                conflicts[name] = Conflict(words, waiting, name, is_by_hand=False)
+            elif verdict is not None:
+                conflicts[name] = self._explain(name, verdict, order)
+        return order, conflicts
+
+    def _explain(self, name: str, verdict: Verdict, order: Sequence[str]) -> Conflict:
+        """Return why a part has no place in an order, with what is in its way."""
+        by = tuple(self._list_placed_culprits(name, verdict, order))
+        others = self._hypothetical.components(verdict) - {name, *by}
+        words = f"fails in every order that was tried: {verdict.stage}: {verdict.reason}"
+        is_by_hand = f"{name} runs " not in verdict.reason
+        return Conflict(words, by or tuple(sorted(others)), name, is_by_hand)
 
     def _take_apart(self, parts: Iterable[str]) -> tuple[list[str], dict[str, Verdict]]:
         """Return parts that can be the last ones, in order, and why none of the rest can be."""
@@ -284,18 +316,15 @@ class _OrderSearch:
             left = [other for other in rest if other not in gone]
             lost[name] = len(gone) + len(left) - len(self._take_apart(left)[0])
         chosen = min(compared, key=lambda name: (lost[name], name not in failed))
-        name = chosen if chosen in failed else blamed[chosen][0]
-        verdict = failed[name]
-        is_by_hand = f"{name} runs " not in verdict.reason
         if chosen in failed:
-            by = tuple(self._list_placed_culprits(chosen, verdict, rest))
-            others = self._hypothetical.components(verdict) - {chosen, *by}
-            words = f"fails in every order that was tried: {verdict.stage}: {verdict.reason}"
-            return chosen, Conflict(words, by or tuple(sorted(others)), name, is_by_hand)
+            return chosen, self._explain(chosen, failed[chosen], rest)
+        name = blamed[chosen][0]
+        verdict = failed[name]
         words = (
             f"is in the way of {' and '.join(blamed[chosen])} in every order that was tried: "
             f"{verdict.stage}: {verdict.reason}"
         )
+        is_by_hand = f"{name} runs " not in verdict.reason
         return chosen, Conflict(words, tuple(blamed[chosen]), name, is_by_hand)
 
     def _list_skills(self, order: Iterable[str]) -> tuple[Skill, ...]:
