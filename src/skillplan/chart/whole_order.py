@@ -93,7 +93,7 @@ def find_order(
     may_drop
         False to give up where a part would have to be left out.
     kept
-        Parts that have an order without the others: those that cannot follow it are left out.
+        Parts with an order of their own; a part that cannot follow it is left out.
     """
     search = _OrderSearch(task, feasibility, preferred, needs, must_stop, kept)
     return search.run(may_drop=may_drop)

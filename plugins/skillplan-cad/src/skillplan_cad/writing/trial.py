@@ -180,7 +180,7 @@ class TaskTrials:
         doubtful
             Names that are tried before all others; if one fails, the others are not tried.
         known
-            Names that have an order without the others.
+            Names with an order of their own.
         is_final
             Returns True for a failure after which nothing else is tried.
         """
