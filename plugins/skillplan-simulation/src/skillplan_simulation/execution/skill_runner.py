@@ -212,6 +212,8 @@ _LET_GO_S = 0.35
 _SUCTION_S = 0.05
 # Speed at which a part goes down to its goal in a holder [m/s].
 _LOWERING_M_PER_S = 0.01
+# Time until the arm stands after that [s].
+_SWING_S = 0.1
 # Time in which bodies come to rest after a turn, or after holders have moved [s]; steps at the end
 # of a turn in which the workholder stands.
 _REST_S, _STILL_STEPS = 0.25, 12
@@ -655,6 +657,8 @@ class SkillRunner(ControlledRobot):
             # It does not fall into its holder.
             rim = plus(motion.tip, self._stops_along(motion), -self._stops_m(motion))
             self.move(plus(rim, DOWN, motion.drop_m), None, _LOWERING_M_PER_S)
+            # The arm swings a little when it stops.
+            self.wait(_SWING_S)
             fix_in_place(self.world, subject)
         self.carry(None)
         if self._bond is not None:
