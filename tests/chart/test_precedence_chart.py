@@ -352,6 +352,15 @@ def test_of_parts_that_shut_each_other_out_only_one_is_left_out():
     assert order.ended
 
 
+def test_a_part_that_cannot_follow_a_known_order_is_left_out_and_none_of_that_order():
+    task = garage(apart_m=0.03)
+    known = ("post_left", "post_right", "car", "roof_back")
+    listed = (*known, "roof_front")
+    order = find_order(task, make_feasibility(task, BY_BOXES), listed, {}, kept=known)
+    assert order.parts == known
+    assert set(order.conflicts) == {"roof_front"}
+
+
 def test_a_part_that_leans_on_another_goes_in_after_it_and_before_its_roof():
     """Both are absent where it falls, and with both of them it does not go in."""
     task = garage()

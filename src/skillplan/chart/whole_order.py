@@ -201,16 +201,18 @@ class _OrderSearch:
         while count < len(order):
             count = len(order)
             order = self._place_all()
-        conflicts: dict[str, Conflict] = {}
+        failed: dict[str, Conflict] = {}
+        waiting: dict[str, Conflict] = {}
         for name in self._alive:
-            waiting = tuple(sorted(self._before[name] - {*order}))
-            verdict = None if name in order else self._find_failure(name, {*order})
-            if waiting:
-                words = f"waits for {' and '.join(waiting)}"
-                conflicts[name] = Conflict(words, waiting, name, is_by_hand=False)
-            elif verdict is not None:
-                conflicts[name] = self._explain(name, verdict, order)
-        return order, conflicts
+            by = tuple(sorted(self._before[name] - {*order}))
+            verdict = None if by or name in order else self._find_failure(name, {*order})
+            if verdict is not None:
+                failed[name] = self._explain(name, verdict, order)
+            elif by:
+                words = f"waits for {' and '.join(by)}"
+                waiting[name] = Conflict(words, by, name, is_by_hand=False)
+        # What waits for a failed part may follow it once another tool brings it.
+        return order, failed or waiting
 
     def _explain(self, name: str, verdict: Verdict, order: Sequence[str]) -> Conflict:
         """Return why a part has no place in an order, with what is in its way."""

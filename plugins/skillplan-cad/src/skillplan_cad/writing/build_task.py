@@ -198,6 +198,7 @@ def _turn_product(
         if best is not task:
             spares = len(further.bearing.held) < len(best.bearing.held)
             stands &= spares and further.names.keys() >= best.names.keys()
+            stands &= bool(further.skills) or not best.skills
         if not (stands and _is_better(product, further, task)):
             break
         best = further

@@ -283,6 +283,7 @@ class PartHolds:
         # Parts without room for finger tips (True), or out of reach of a level hand (False).
         self._futile: set[tuple[str, bool]] = set()
         self._extensions: dict[str, int] = {}
+        self._tried_bits: dict[str, set[int]] = {}
         self._order: tuple[str, ...] = ()
         self._on: Mapping[str, tuple[str, ...]] = {}
         self.fixed: dict[str, str] = {}
@@ -372,7 +373,7 @@ class PartHolds:
         return describe_too_heavy(part.mass_kg, tool_kg, self._robot, tool)
 
     def take_next(self, name: str, failure: Failure | None = None) -> bool:
-        """Choose the next tool of a part, or a longer bit; return False if there is none.
+        """Choose the next tool of a part, or another bit; return False if there is none.
 
         Parameters
         ----------
@@ -382,10 +383,12 @@ class PartHolds:
         if failure is not None:
             self._note_failure(name, failure)
         if name in self._relation.driven:
-            longer = self.extension(name) + 1
-            if longer == len(EXTENSIONS):
+            tried = self._tried_bits.setdefault(name, {self.extension(name)})
+            bit = next((n for n in range(len(EXTENSIONS)) if n not in tried), None)
+            if bit is None:
                 return False
-            self._extensions[name] = longer
+            tried.add(bit)
+            self._extensions[name] = bit
             return True
         if failure is not None and (failure.is_blocked or failure.falls):
             return False
@@ -453,9 +456,10 @@ class PartHolds:
             return {name: LeftOut(name, "too heavy", words)}
         wide_mm = float(self._upright.of(part.name).size(part)[:2].min()) * 1e3
         most_mm = max(equip_hand(self._hand, name)[0].opening_m for name in GRIPPERS) * 1e3
+        wide = f"{wide_mm:.{0 if wide_mm >= 1 else 2}f} mm wide"
         words = (
-            f"is {wide_mm:.3g} mm wide, has no opposite faces that a gripper holds (they open up "
-            f"to {most_mm:.0f} mm), and no level face wide enough for a cup"
+            f"is {wide}, has no opposite faces that a gripper holds (they open up to "
+            f"{most_mm:.0f} mm), and no level face wide enough for a cup"
         )
         if self._fix(name, words):
             return {}

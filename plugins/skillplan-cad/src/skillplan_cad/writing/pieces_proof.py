@@ -291,7 +291,8 @@ class _Cut:
                 return None
         else:
             moved, own = make_solid(moved_m, self.triangles), make_solid(vertices_m, triangles)
-            if max(measure_thickness(moved - own), measure_thickness(own - moved)) > _FILM_MM:
+            films = [*(moved - own).decompose(), *(own - moved).decompose()]
+            if any(measure_thickness(film) > _FILM_MM for film in films):
                 return None
         # Rounded faces of small pieces are no longer convex, so each piece is a hull anew.
         rebuilt = (

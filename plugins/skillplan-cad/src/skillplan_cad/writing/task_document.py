@@ -555,7 +555,7 @@ def lay_out_parts(
     further = {_HOLDER_OF[tool] for tool in tools}.difference(HOLDERS)
     holders = (*HOLDERS, *sorted(further))
     raised = frozenset(name for name, item in items.items() if item.is_raised)
-    if before is not None and _still_stands(gripped, upright, items, holders, before):
+    if before is not None and _still_stands(parts, gripped, upright, items, holders, before):
         tray = _keep_places(parts, [*items.values()], robot, holders, before)
         if not tray.without:
             return replace(before, tray=tray, feeders=feeders, holders=holders, raised=raised)
@@ -568,6 +568,7 @@ def lay_out_parts(
 
 
 def _still_stands(
+    parts: Sequence[Part],
     gripped: Sequence[Part],
     upright: Upright,
     items: Iterable[str],
@@ -577,7 +578,13 @@ def _still_stands(
     """Return whether the product stands where the layout of other parts has it."""
     if upright.pivot_m is not None or before.upright.pivot_m is not None:
         known = before.tray.places.keys() >= {*items} and {*before.holders} >= {*holders}
-        return known and len(upright.poses) == len(before.upright.poses)
+        turns = (
+            [other.poses.index(other.of(part.name)) for part in parts]
+            for other in (upright, before.upright)
+        )
+        return (
+            known and len(upright.poses) == len(before.upright.poses) and next(turns) == next(turns)
+        )
     lowest_m = min(float(before.upright.vertices(part)[:, 2].min()) for part in gripped)
     return abs(lowest_m) < _LEVEL_FEET_M
 

@@ -53,11 +53,13 @@ class VerdictMemory:
             return True
         usable_bits = _list_usable(task, robot, known, changed).bits
         is_held_alike = task.scene.holders == before.scene.holders
+        grasps, known_grasps = map(_list_single_grasps, (task.scene, before.scene))
         for skill in list_queried_skills(task):
             known_skill = self._skills.get(skill.name)
             if (
                 known_skill is None
                 or changed.intersection(skill.parameters.values())
+                or any(grasps.get(n) != known_grasps.get(n) for n in skill.parameters.values())
                 or describe_motion(skill) != describe_motion(known_skill)
             ):
                 continue
@@ -109,6 +111,11 @@ def _list_usable(task: Task, robot: Robot, before: Robot, changed: Collection[st
     )
     other |= {fact for placement in placements for fact in placement.fact.split(AND)}
     return task.facts.of(*(name for name in task.facts.names if name not in other))
+
+
+def _list_single_grasps(scene: Scene) -> dict[str, object]:
+    """Return the grasps of bodies with one each, which their motions do not name."""
+    return {body.name: body.grasps for body in scene.bodies if len(body.grasps) == 1}
 
 
 def _list_changed(scene: Scene, before: Scene) -> set[str]:
