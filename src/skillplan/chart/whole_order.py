@@ -211,7 +211,7 @@ class _OrderSearch:
             elif by:
                 words = f"waits for {' and '.join(by)}"
                 waiting[name] = Conflict(words, by, name, is_by_hand=False)
-        # What waits for a failed part may follow it once another tool brings it.
+        # Parts that wait for a failed one may follow once another tool brings it.
         return order, failed or waiting
 
     def _explain(self, name: str, verdict: Verdict, order: Sequence[str]) -> Conflict:

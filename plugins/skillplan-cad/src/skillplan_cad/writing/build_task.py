@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import partial
 
@@ -177,29 +177,28 @@ def _turn_product(
 ) -> WrittenTask:
     """Return a task that turns the product if it has more of the parts, or else the given one.
 
-    First, all that the given task has goes in as it does there. Then parts that would need fewer
+    First, the parts of the given task keep their orientation. Then parts that would need fewer
     supports after a turn wait for it, if that leaves out no part.
     """
     later = _list_retried(task)
     gone = {*absent, *later}
     bearing = find_bearing(product, relation, task.bearing.up, gone, holding=True)
-    most, best = _weigh(product, task.names), task
+    best = task
+
+    def improves(names: Set[str], held: Collection[str]) -> bool:
+        if best is task:
+            return _weigh(product, names) > _weigh(product, task.names)
+        return names >= best.names.keys() and len(held) < len(best.bearing.held)
+
     for early in (task.names.keys(), set[str]()):
         turned = add_turns(product, relation, bearing, absent, plan.base, later, early)
-        promised = list_placed(relation, turned, absent)
-        is_more = _weigh(product, promised) > most
-        if best is not task:
-            spares = len(turned.held) < len(best.bearing.held)
-            is_more = spares and promised >= best.names.keys()
-        if not (is_more and turned.turned and task.document) or watch.must_stop():
+        is_worth = improves(list_placed(relation, turned, absent), turned.held)
+        if not (is_worth and turned.turned and task.document) or watch.must_stop():
             break
         further = build(turned, task.document["robot"]["model"], task, early)
-        stands = not further.doubt.startswith("turn(")
-        if best is not task:
-            spares = len(further.bearing.held) < len(best.bearing.held)
-            stands &= spares and further.names.keys() >= best.names.keys()
-            stands &= bool(further.skills) or not best.skills
-        if not (stands and _is_better(product, further, task)):
+        is_ordered = bool(further.skills) or not best.skills
+        is_better = is_ordered and improves(further.names.keys(), further.bearing.held)
+        if further.doubt.startswith("turn(") or not is_better:
             break
         best = further
     return best
@@ -399,7 +398,7 @@ class _TaskBuilder:
         """Try a task, first the parts that its rival lacks, until the nest is in the way."""
         listed, known = self._holds.list_order(), list[str]()
         if rival is not None and rival.bearing.up == self._bearing.up:
-            # What the rival brings goes in in its order, and before what comes after a turn.
+            # Parts of the rival keep its order, before those that come after a turn.
             brought = list_brought(rival.skills)
             names = {own: name for name, own in rival.names.items()}
             known = [names[own] for own in brought if names[own] not in self._bearing.turned]

@@ -280,17 +280,16 @@ class _Cut:
         if is_same_mesh and np.abs(vertices_m - self.vertices_m).max() < _ROUNDED_M:
             return self.pieces
         if is_same_mesh:
-            motion: Motion | None = _fit_rigid_motion(self.vertices_m, vertices_m)
-        else:
-            motion = _find_rigid_motion(self.vertices_m, vertices_m)
-        if motion is None:
-            return None
-        moved_m = _move(self.vertices_m, motion)
-        if is_same_mesh:
-            if np.abs(moved_m - vertices_m).max() > _ROUNDED_M:
+            motion = _fit_rigid_motion(self.vertices_m, vertices_m)
+            if np.abs(_move(self.vertices_m, motion) - vertices_m).max() > _ROUNDED_M:
                 return None
         else:
-            moved, own = make_solid(moved_m, self.triangles), make_solid(vertices_m, triangles)
+            found = _find_rigid_motion(self.vertices_m, vertices_m)
+            if found is None:
+                return None
+            motion = found
+            moved = make_solid(_move(self.vertices_m, motion), self.triangles)
+            own = make_solid(vertices_m, triangles)
             films = [*(moved - own).decompose(), *(own - moved).decompose()]
             if any(measure_thickness(film) > _FILM_MM for film in films):
                 return None
