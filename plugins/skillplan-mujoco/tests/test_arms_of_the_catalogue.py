@@ -57,6 +57,7 @@ def test_swept_proves_the_board(arm, tmp_path):
     prove(load(tmp_path, arm))
 
 
+@pytest.mark.slow(reason="two executions; other plans are executed in every run")
 @pytest.mark.parametrize("arm", cases(SIBLINGS))
 def test_both_engines_execute_the_plan_that_swept_proves(arm, tmp_path):
     task = load(tmp_path, arm)

@@ -147,7 +147,7 @@ def assert_out_of_reach(chain: ChainResult, job: Job, legs_m: dict[str, Any]) ->
 
 
 @given(benches)
-@settings(max_examples=examples(150), deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_every_support_of_a_random_bench_is_reached_or_proved_out_of_reach(bench):
     """Hold a random bench against planar kinematics and all positions, one by one."""
     chain, job = solve_bench(bench)

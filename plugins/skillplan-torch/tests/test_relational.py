@@ -69,6 +69,7 @@ def test_the_best_choice_has_no_regret_and_a_dead_end_the_most(boards):
         assert (regrets[blocked] == 1.0).all()
 
 
+@pytest.mark.slow(reason="two trainings; those of dqn and ppo in every run")
 def test_the_same_boards_and_seed_give_the_same_network():
     item, again = (learned("generated:3-4", **TINY).policy for _ in range(2))
     for name, array in item.weights.items():

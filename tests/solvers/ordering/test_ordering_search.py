@@ -69,7 +69,7 @@ def test_they_do_so_beyond_the_arcs_considered_first(methods, n, seed, kind):
 
 
 @pytest.mark.parametrize("methods", [METHODS, ("local-search",)])
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(instance=orderings(most=8, kinds=("whole", "real", "few")))
 def test_with_local_search_they_do_as_well(methods, instance):
     """Alone it has the relaxation's bound, and ends after the rounds it was given."""
