@@ -182,6 +182,15 @@ def test_what_is_flat_to_within_rounding_is_convex(tmp_path):
     assert len(read_mesh(tmp_path, wedge_in(tmp_path, corners=corners), 0.01).corners) == 6
 
 
+def test_a_folded_sliver_does_not_make_a_hull_concave(tmp_path):
+    """A corner half a ten-thousandth of a millimetre inside an edge folds a triangle there."""
+    corners = [*WEDGE, (1, 5e-6, 5e-6)]
+    faces = [(6, 0, 3, 2, 1), (0, 6, 1), *WEDGE_FACES[1:]]
+    mesh = read_mesh(tmp_path, wedge_in(tmp_path, corners=corners, faces=faces), 0.01)
+    assert mesh.convex
+    assert len(mesh.corners) == 7
+
+
 def test_a_surface_with_a_hole_is_refused(tmp_path):
     """A face is missing, stands twice, or has two corners."""
     fans = triangles(WEDGE_FACES)

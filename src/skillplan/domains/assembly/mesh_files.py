@@ -270,10 +270,13 @@ def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
     a, b, c = (corners[faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
-    sound = np.flatnonzero(lengths > 1e-12 * longest_m**2)
+    edges_m = np.linalg.norm(np.stack([b - a, c - b, a - c]), axis=2).max(axis=0)
+    flatness_m = max(_FLATNESS * longest_m, 1e-8)
+    # A hull may fold triangles that are thinner than its tolerance; their neighbours decide.
+    sound = np.flatnonzero(lengths > flatness_m * edges_m)
     a, normals = a[sound], normals[sound]
     levels = np.einsum("ij,ij->i", a, normals)
-    highest = levels + max(_FLATNESS * longest_m, 1e-8) * lengths[sound]
+    highest = levels + flatness_m * lengths[sound]
     step = max(1, _MOST_PRODUCTS // len(corners))
     return all(
         bool((corners @ normals[some].T <= highest[some]).all())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -47,7 +48,9 @@ def render_figure(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     for image in figure.findobj(AxesImage):
         # An SVG holds images as they are; a PNG resamples them.
         image.set_interpolation("none" if suffix == ".svg" else "antialiased")
-    with apply_house_style():
+    with apply_house_style(), warnings.catch_warnings():
+        # Characters that the font lacks are drawn as boxes.
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font")
         if suffix == ".png":
             FigureCanvasAgg(figure)
             figure.savefig(content, format="png", dpi=dpi, metadata={"Software": None})

@@ -716,7 +716,7 @@ def _warn_of_stuck(stuck: Stuck) -> str:
     )
     words = {
         "closed": "no straight move, path or turn that was searched leads out",
-        "budget spent": f"no way out was found in {stuck.search.iterations} iterations",
+        "budget spent": f"no way out was found (iterations: {stuck.search.iterations})",
         "not searched": "only straight moves were examined",
     }[stuck.search.outcome]
     return (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -108,29 +109,35 @@ def build_summary(document: Mapping[str, Any]) -> dict[str, Any]:
     names = [part["name"] for part in document["parts"]]
     in_task = [name for name in names if name in document.get("task_names", {})]
     nearest = {gap["part"]: gap["nearest"] for gap in document["gaps"]}
-    why: dict[str, list[str]] = {}
-    by: dict[str, Counter[str]] = {}
+    why: dict[tuple[str, str], list[str]] = {}
+    by: dict[tuple[str, str], Counter[str]] = {}
     for name in names:
         if name in document.get("task_names", {}):
             continue
         reason = document.get("left_out_why", {}).get(name, {"kind": NO_TASK, "by": []})
         kind = reason["kind"]
-        why.setdefault(kind, []).append(name)
+        # Refusals differ; those that differ in names and numbers only are of one kind.
+        words = document["left_out"][name] if kind == "refused" else ""
+        key = kind, _NAMES_AND_NUMBERS.sub("", words)
+        why.setdefault(key, []).append(name)
         causes = [nearest[name]] if kind == "floats" and name in nearest else reason["by"]
-        by.setdefault(kind, Counter()).update(causes)
+        by.setdefault(key, Counter()).update(causes)
     return {
         "parts": len(names),
         "in_task": in_task,
         "left_out": [
             {
-                "kind": kind,
-                "why": _describe_kind(kind, parts[0], document),
+                "kind": key[0],
+                "why": _describe_kind(key[0], parts[0], document),
                 "parts": parts,
-                "by": [{"part": part, "count": n} for part, n in by[kind].most_common()],
+                "by": [{"part": part, "count": n} for part, n in by[key].most_common()],
             }
-            for kind, parts in sorted(why.items(), key=lambda entry: -len(entry[1]))
+            for key, parts in sorted(why.items(), key=lambda entry: -len(entry[1]))
         ],
     }
+
+
+_NAMES_AND_NUMBERS = re.compile(r"'[^']*'|\d+(\.\d+)?")
 
 
 def _describe_kind(kind: str, first: str, document: Mapping[str, Any]) -> str:
@@ -232,8 +239,8 @@ def list_warnings(findings: Findings, gaps: Sequence[Gap]) -> list[str]:
         messages.append(_warn_of_tolerance(relation.sensitive))
     if findings.unconfirmed:
         messages.append(
-            f"{findings.unconfirmed} pairs were not confirmed by shrunk meshes in the time: their "
-            "blockings rest on rays alone."
+            f"{findings.unconfirmed} blockings were not confirmed by shrunk meshes in the time: "
+            "they rest on rays alone."
         )
     doubts = [_warn_of_doubt(doubt, relation) for doubt in findings.doubts]
     return [*messages, *shorten_list(doubts, "doubts")]

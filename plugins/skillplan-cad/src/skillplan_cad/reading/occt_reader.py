@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from OCP import Standard
 from OCP.BinTools import BinTools
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Builder, BRep_Tool
@@ -34,7 +35,6 @@ from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.IMeshTools import IMeshTools_Parameters
 from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideAngle, ShapeUpgrade_ShapeDivideClosed
-from OCP.Standard import Standard_Failure
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPConstruct import STEPConstruct_ExternRefs
 from OCP.TCollection import TCollection_AsciiString, TCollection_ExtendedString
@@ -76,6 +76,15 @@ MOST_PATH = 10_000
 _ALONG, _MOST_EDGES = 9, 600
 # Relative error of the integral of a volume.
 _INTEGRAL_ERROR = 1e-3
+# OCCT's errors; their classes in Python do not derive from each other.
+_FAILURES: tuple[type[Exception], ...] = (
+    RuntimeError,
+    *(
+        kind
+        for kind in vars(Standard).values()
+        if isinstance(kind, type) and issubclass(kind, Exception)
+    ),
+)
 _NAME = TDataStd_Name.GetID_s()
 _EDGE, _FACE, _SHELL, _SOLID = (
     TopAbs_ShapeEnum.TopAbs_EDGE,
@@ -346,7 +355,7 @@ def _build_solid(name: str, solid: Any, chord_mm: float) -> Mended:
                 continue
             _mesh(healed, chord_mm)
             part, missing = _collect(name, healed)
-        except (Standard_Failure, RuntimeError):
+        except _FAILURES:
             # OCCT fails on some faces; the next remedy may not.
             continue
         if heal is _convert:
@@ -578,7 +587,7 @@ def _sew(shape: Any, tolerance_mm: float) -> Any:
     sewing.Add(shape)
     try:
         sewing.Perform()
-    except (Standard_Failure, RuntimeError):
+    except _FAILURES:
         return None
     sewn = sewing.SewedShape()
     return None if sewn is None or sewn.IsNull() else sewn
