@@ -83,6 +83,16 @@ class Polyhedron:
         _, first = np.unique(known, axis=0, return_index=True)
         return np.asarray(normals[first]), np.asarray(offsets[first])
 
+    @cached_property
+    def feet(self) -> _FlatFaces:
+        """Flat faces that look down."""
+        return _FlatFaces.select(self, self.lower)
+
+    @cached_property
+    def tops(self) -> _FlatFaces:
+        """Flat faces that look up."""
+        return _FlatFaces.select(self, self.upper)
+
     def edges_of(self, faces: npt.NDArray[np.intp]) -> Floats:
         """Return the ends of the distinct edges of faces [m], shape (edges, 2, 3)."""
         chosen = self.faces[faces]
@@ -125,6 +135,33 @@ class Polyhedron:
         moved = self.corners.copy()
         moved[:, :2] += shift
         return Polyhedron(moved, self.faces, self.flat, self.convex)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _FlatFaces:
+    """Triangles of planes, with their boxes and unit normals [m]."""
+
+    triangles: Floats
+    lows: Floats
+    highs: Floats
+    normals: Floats
+
+    @classmethod
+    def select(cls, surface: Polyhedron, faces: npt.NDArray[np.intp]) -> _FlatFaces:
+        """Return some faces of a surface, without those of curved surfaces."""
+        flat = faces[surface.flat[faces]]
+        triangles = surface.triangles[flat]
+        return cls(triangles, triangles.min(axis=1), triangles.max(axis=1), surface.normals[flat])
+
+    def near(self, other: _FlatFaces, tolerance_m: float) -> _FlatFaces:
+        """Return the faces within a distance of the box about other faces."""
+        least, most = np.inf, -np.inf
+        low, high = other.lows.min(axis=0, initial=least), other.highs.max(axis=0, initial=most)
+        near = (self.lows <= high + tolerance_m) & (self.highs >= low - tolerance_m)
+        kept = near.all(axis=1)
+        return _FlatFaces(
+            self.triangles[kept], self.lows[kept], self.highs[kept], self.normals[kept]
+        )
 
 
 def make_polyhedron(shape: Shape, pose: Pose) -> Polyhedron:
@@ -602,17 +639,11 @@ def find_contacts(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> I
     tolerance_m
         Gap or overlap that still counts as contact [m].
     """
-    feet = upper.lower[upper.flat[upper.lower]]
-    tops = lower.upper[lower.flat[lower.upper]]
-    above, beneath = upper.triangles[feet], lower.triangles[tops]
-    if not (len(above) and len(beneath)):
-        return
-    gap = np.array([tolerance_m] * 3)
-    meets = (
-        (above.min(axis=1)[:, None] <= beneath.max(axis=1) + gap)
-        & (above.max(axis=1)[:, None] >= beneath.min(axis=1) - gap)
-    ).all(axis=2)
-    meets &= upper.normals[feet] @ lower.normals[tops].T < -1 + _PARALLEL**2 / 2
+    feet, tops = upper.feet.near(lower.tops, tolerance_m), lower.tops.near(upper.feet, tolerance_m)
+    meets = (feet.lows[:, None] <= tops.highs + tolerance_m).all(axis=2)
+    meets &= (feet.highs[:, None] >= tops.lows - tolerance_m).all(axis=2)
+    meets &= feet.normals @ tops.normals.T < -1 + _PARALLEL**2 / 2
+    above, beneath = feet.triangles, tops.triangles
     for i, j in zip(*np.nonzero(meets), strict=True):
         # Seen from above, the corners of a downward face are clockwise.
         common = intersect(_project(above[i][::-1]), _project(beneath[j]))

@@ -47,8 +47,7 @@ class VerdictMemory:
             return True
         changed = _list_changed(task.scene, before.scene)
         (robot,), (known,) = task.scene.robots, before.scene.robots
-        rest = ("frames", "zones", "workholders")
-        is_same_cell = all(getattr(task.scene, key) == getattr(before.scene, key) for key in rest)
+        is_same_cell = _describe_cell(task.scene) == _describe_cell(before.scene)
         if (changed and not boldly) or not is_same_cell or not _is_same_arm(robot, known):
             return True
         usable_bits = _list_usable(task, robot, known, changed).bits
@@ -58,6 +57,8 @@ class VerdictMemory:
             known_skill = self._skills.get(skill.name)
             if (
                 known_skill is None
+                # A turn moves all bodies on its workholder.
+                or (skill.kind == "turn" and task.scene.workholders != before.scene.workholders)
                 or changed.intersection(skill.parameters.values())
                 or any(grasps.get(n) != known_grasps.get(n) for n in skill.parameters.values())
                 or describe_motion(skill) != describe_motion(known_skill)
@@ -111,6 +112,12 @@ def _list_usable(task: Task, robot: Robot, before: Robot, changed: Collection[st
     )
     other |= {fact for placement in placements for fact in placement.fact.split(AND)}
     return task.facts.of(*(name for name in task.facts.names if name not in other))
+
+
+def _describe_cell(scene: Scene) -> tuple[object, ...]:
+    """Return all of a scene but its bodies; their placements tell what turns with workholders."""
+    workholders = [replace(workholder, carries=()) for workholder in scene.workholders]
+    return scene.frames, scene.zones, workholders
 
 
 def _list_single_grasps(scene: Scene) -> dict[str, object]:
