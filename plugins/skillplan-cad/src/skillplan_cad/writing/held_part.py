@@ -13,6 +13,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from skillplan.domains.assembly import ToolConfig
 from skillplan.robots.arm_description import Hand
@@ -50,6 +51,9 @@ DRIVER, SOCKETS = "screwdriver", ("socket", "socket_2")
 
 EXTENSIONS = ("", "long_", "longest_")
 """Names of their bits: the shortest that reaches past the parts beside a screw is taken."""
+
+# Distance up to which files round equal corners apart [m].
+_ROUNDED_M = 1e-6
 
 TIPS_PROFILE_M = (
     (0.0, 0.002, 0.0, 0.0012),
@@ -219,7 +223,7 @@ def describe_too_heavy(mass_kg: float, tool_kg: float, robot: str, tool: str) ->
 
 @dataclass(slots=True)
 class KnownHolds:
-    """Tools and grasps that were found, by part, side up and depth in other parts.
+    """Tools and grasps that were found, by upright shape, mass and depth in other parts.
 
     Attributes
     ----------
@@ -228,8 +232,20 @@ class KnownHolds:
     """
 
     _found: dict[tuple[Any, ...], tuple[list[Held], Iterator[Held]]] = field(default_factory=dict)
+    # Upright shapes by the numbers of their corners and triangles.
+    _shapes: dict[tuple[int, int], list[cKDTree]] = field(default_factory=dict)
     granted: dict[tuple[str, Vector], Held] = field(default_factory=dict)
     bits: dict[tuple[str, Vector], int] = field(default_factory=dict)
+
+    def find_shape(self, part: Part, local: Points) -> tuple[int, ...]:
+        """Return the key of an upright shape, which parts of the same corners share."""
+        counts = len(local), len(part.triangles)
+        shapes = self._shapes.setdefault(counts, [])
+        for number, tree in enumerate(shapes):
+            if np.isfinite(tree.query(local, distance_upper_bound=_ROUNDED_M)[0]).all():
+                return (*counts, number)
+        shapes.append(cKDTree(local))
+        return (*counts, len(shapes) - 1)
 
     def iterate(self, key: tuple[Any, ...], search: Callable[[], Iterator[Held]]) -> Iterator[Held]:
         """Yield the holds of a part; each is searched once."""
@@ -512,7 +528,7 @@ class PartHolds:
         granted = self._known.granted.get((part.name, up))
         if granted is not None:
             yield granted
-        key = (part.name, part.density_kg_m3, up, sunk_m)
+        key = (*self._known.find_shape(part, local), part.density_kg_m3, sunk_m)
         for held in self._known.iterate(
             key, lambda: list_holds(part, local, centre, self._hand, sunk_m)
         ):
