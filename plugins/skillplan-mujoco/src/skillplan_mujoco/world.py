@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from operator import attrgetter
 from typing import Any
 
 import mujoco
@@ -170,6 +171,27 @@ def multiply_matrices(left: Vector, right: Vector) -> Vector:
     return result
 
 
+def merge_touches(touches: Iterable[Touch]) -> list[Touch]:
+    """Return one contact for each pair of bodies, with its total force and mean place and normal.
+
+    Hundreds of contacts of bodies at rest would be added up in every frame.
+    """
+    groups: dict[tuple[str, str], list[Touch]] = {}
+    for touch in touches:
+        groups.setdefault((touch.first, touch.second), []).append(touch)
+    merged = []
+    for (first, second), group in groups.items():
+        normal_n = sum(touch.normal_n for touch in group)
+        # Weighed by force, they give the same sums as the contacts.
+        place, normal = (
+            sum((touch.normal_n * vector(touch) for touch in group), np.zeros(3)) / normal_n
+            for vector in (attrgetter("place"), attrgetter("normal"))
+        )
+        force_n = sum((touch.force_n for touch in group), np.zeros(3))
+        merged.append(Touch(first, second, place, normal, normal_n, force_n))
+    return merged
+
+
 # Greatest distance [m] and speed [m/s] of a body in a simulation that has not blown up.
 _FAR_M, _FAST_M_PER_S = 10.0, 50.0
 # Distance below which bodies bear on each other [m].
@@ -196,7 +218,7 @@ class World(simulator.World):
         self.numbers[TABLE] = self.ids[TABLE]
         self.filters: PairMasks = PairMasks(self.model, cell.owners, self.numbers)
         self._is_prepared = False
-        # Contacts of the last step, once read; and those of bodies that sleep since.
+        # Contacts of the last step, once read; and those of bodies that sleep since, one a pair.
         self._touches: list[Touch] | None = None
         self._resting: list[Touch] = []
         # Bodies that a skill moves, which stay awake, and the numbers of their trees.
@@ -247,7 +269,7 @@ class World(simulator.World):
         mujoco.mj_step2(self.model, self.data)
         self._is_prepared, self._touches = False, None
         if self.data.ntree_awake < awake:
-            self._resting = [touch for touch in self.touches() if self._is_resting(touch)]
+            self._resting = merge_touches(filter(self._is_resting, self.touches()))
 
     def _is_resting(self, touch: Touch) -> bool:
         """Return whether a contact is between bodies that sleep or cannot move."""
