@@ -287,6 +287,16 @@ def test_jaws_reach_below_the_bevel_of_a_part_on_which_rays_are_wide_apart():
     assert min(widths_m) == pytest.approx(0.04, abs=1e-4)
 
 
+def test_jaws_close_across_small_faces_that_are_a_little_askew():
+    """Along y, they would turn the key by 2 degrees until its ends are flush with them."""
+    key = box(-3.5, -7.5, 30, 3.5, 7.5, 31).rotate((0.0, 0.0, -2.0)) + rod(0, 0, 0, 2.5, 30)
+    grasps = finder_of(key).find_jaw_grasps(HAND, [DOWN], 0.0)
+    closings = [grasp.entry["closing_axis"] for grasp in grasps]
+    assert "y" not in closings
+    widths_m = [grasp.entry["width_m"] for grasp in grasps if grasp.entry["closing_axis"][1] > 0.9]
+    assert widths_m[0] == pytest.approx(0.015, abs=1e-5)
+
+
 def test_a_plate_that_is_wider_than_jaws_open_is_held_by_no_jaws():
     assert finder_of(box(0, 0, 0, 100, 90, 12)).find_jaw_grasps(HAND, [DOWN], 0.0) == []
 

@@ -55,6 +55,9 @@ _DEPTH_CLASSES_M = (0.005, 0.0125)
 _MOST_GRASPS, _MOST_INNER, _APART_M = 6, 2, 6e-3
 # Cosine between a face and a closing direction, and share of the surface worth a direction.
 _ALONG, _WORTH = 0.999, 0.02
+# Cosine between an axis and a face that turns the part flush with jaws, share of the surface, and
+# depth behind the outermost point as a share of the extent.
+_TURNS, _SMALL, _OUTER = 0.985, 0.002, 0.1
 _ALMOST = 1e-6
 # Unevenness of a face below a cup, and width of the face around it [m].
 _EVEN_M, _RIM_M = 1e-4, 5e-4
@@ -102,6 +105,7 @@ class GraspFinder:
         corners = local[part.triangles]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._areas = np.linalg.norm(across, axis=1) / 2
+        self._middles = corners.mean(axis=1)
         self._is_plane = np.ones(len(self._areas), dtype=bool)
         for face in part.faces:
             self._is_plane[face.triangles] = face.kind in ("plane", "free")
@@ -245,8 +249,20 @@ class GraspFinder:
             closing = closing - (closing @ out) * out
             listed.append(_turn_forwards(closing / np.linalg.norm(closing)))
             areas[along] = 0.0
+        normals, areas, middles = self._normals[level], self._areas[level], self._middles[level]
         for axis in np.eye(3):
-            if abs(axis @ out) < _ALMOST and not any(abs(axis @ a) > _ALONG for a in listed):
+            if abs(axis @ out) > _ALMOST or any(abs(axis @ a) > _ALONG for a in listed):
+                continue
+            heights, extents = middles @ axis, self._local @ axis
+            depths = np.minimum(extents.max() - heights, heights - extents.min())
+            near = (np.abs(normals @ axis) > _TURNS) & (depths < _OUTER * float(np.ptp(extents)))
+            if areas[near].sum() > _SMALL * whole:
+                # Jaws along the axis would turn the part until this face is flush with them.
+                face = normals[near][int(np.argmax(areas[near]))]
+                face = _turn_forwards(face - (face @ out) * out)
+                face /= np.linalg.norm(face)
+                axis = axis if face @ axis > 1 - _ALMOST else face
+            if not any(abs(axis @ a) > _ALONG for a in listed):
                 listed.append(axis)
         # A hand from the side whose jaws close upright would be in the table.
         yield from (c for c in listed if abs(out[2]) > 0.5 or abs(c[2]) < _ALMOST)
