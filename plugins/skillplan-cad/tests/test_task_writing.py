@@ -170,6 +170,7 @@ def test_shanks_of_screws_hang_clear_of_the_table_in_their_feeder(written):
 
 def test_the_file_is_what_the_document_says_and_the_same_every_time(screwed, screwed_task):
     assert yaml.safe_load(screwed_task.files["product.yaml"]) == screwed_task.document
+    assert "&id" not in screwed_task.files["product.yaml"]
     assert cad.build_task(*screwed).files == screwed_task.files
 
 

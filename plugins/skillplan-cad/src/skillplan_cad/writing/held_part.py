@@ -7,6 +7,7 @@ catalogue come after the arm's own hand, light ones first.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import count
@@ -128,7 +129,8 @@ class Held:
     @property
     def entry(self) -> dict[str, Any]:
         """Keys ``tool`` and ``grasp``."""
-        grasps = [dict(grasp) for grasp in self.grasps]
+        # Parts that share grasps have entries of their own, without YAML references.
+        grasps = deepcopy([dict(grasp) for grasp in self.grasps])
         return {"tool": self.tool, "grasp": grasps if len(grasps) > 1 else grasps[0]}
 
 
