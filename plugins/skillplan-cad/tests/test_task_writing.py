@@ -96,6 +96,18 @@ def test_a_head_is_seated_on_the_face_below_it_though_the_shank_fills_its_hole(s
     assert document["screws"]["M4_screw"]["head_height_m"] == pytest.approx(0.003, abs=1e-6)
 
 
+def test_a_screw_that_is_drawn_over_its_seat_is_driven_home(screwed_task):
+    """Its head is 0.4 mm over the plate, without a contact."""
+    solids = {
+        "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 2, 10),
+        "plate": box(0, 0, 20, 60, 40, 30) - rod(30, 20, 20, 2, 10),
+        "M4 screw": rod(30, 20, 15.4, 2, 15) + rod(30, 20, 30.4, 4, 3),
+    }
+    task = cad.build_task(*relate(product_of(solids)))
+    assert task.document["screws"] == screwed_task.document["screws"]
+    assert task.limits["M4 screw"] == ("is drawn 0.4 mm over plate, and driven home",)
+
+
 def test_a_bolt_from_above_goes_in_before_the_nut_that_is_left_out():
     solids = {
         "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 0, 2.1, 20) - rod(30, 20, 0, 6, 6),

@@ -117,6 +117,7 @@ Reason = Literal[
     "follows",
     "too heavy",
     "no grasp",
+    "no head",
     "unreachable",
     "no place",
     "refused",

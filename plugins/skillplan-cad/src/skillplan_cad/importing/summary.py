@@ -38,6 +38,7 @@ WHY: Mapping[str, str] = {
     "follows": "needs a part that is left out",
     "too heavy": "too heavy for the arm",
     "no grasp": "no tool grasps it",
+    "no head": "screw without a head",
     "no place": "no place within reach",
     "refused": "refused by check",
     "no order": "no order of all parts brings it",

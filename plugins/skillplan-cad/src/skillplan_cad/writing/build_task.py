@@ -32,7 +32,7 @@ from skillplan_cad.writing.task_document import (
     TaskWriter,
     WrittenTask,
     find_indirect_parts,
-    list_undriven_nuts,
+    list_undriven,
 )
 from skillplan_cad.writing.trial import Failure, TaskTrials, Trial, list_brought
 from skillplan_cad.writing.upright import place_turned, place_upright
@@ -501,7 +501,7 @@ class _TaskBuilder:
         }
         left_out = {**reasons, **self._absent}
         there = self._relation.driven - left_out.keys()
-        left_out |= list_undriven_nuts(self._product, self._relation, there)
+        left_out |= list_undriven(self._product, self._relation, there)
         return left_out | _find_loose_screws(self._relation, left_out, self._bearing)
 
     def _leave_out(self, reasons: Mapping[str, LeftOut]) -> None:

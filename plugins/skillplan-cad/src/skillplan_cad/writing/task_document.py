@@ -23,6 +23,7 @@ from skillplan.physics.linear_motions import SHANK_DIAMETER_M
 from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
+from skillplan_cad.blocking.ray_mesh import RayMesh
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.bearing import Bearing, list_required
 from skillplan_cad.planning.precedence import encode_set
@@ -705,29 +706,72 @@ def list_plan_limits(
 _FLAT = 0.999
 # Share of a head's radius at its rim, and least height of a head that is flush [m].
 _RIM, _LEAST_HEAD_M = 0.97, 1e-4
+# Width of a screw, in diameters of its shank, up to which it has no head.
+_HEADLESS = 1.15
 
 
 def build_screw_entry(
-    part: Part, fastener: Fastener, relation: Relation, upright: Upright
-) -> dict[str, Any]:
-    """Return hole, head, mass and, unless it points straight down, axis of a screw."""
+    part: Part, fastener: Fastener, relation: Relation, upright: Upright, through: Part
+) -> tuple[dict[str, Any], float]:
+    """Return hole, head, mass and, unless it points straight down, axis of a screw.
+
+    Returns
+    -------
+    entry
+        The entry, of the screw driven home.
+    hover_m
+        Height of the head over the part beneath it as drawn [m]; 0 if it rests on it.
+    """
     axis = np.asarray(fastener.axis)
     along = part.vertices_m @ axis
-    seat = _find_seat(part, fastener, relation)
-    point = np.asarray(fastener.point_m)
+    radii_m, point = _list_radii_m(part, fastener), np.asarray(fastener.point_m)
+    radius, hover_m = float(radii_m.max()), 0.0
+    seat = _find_touched_seat(part, fastener, relation)
+    if seat is None:
+        ring_m = (fastener.diameter_m / 2 + radius) / 2
+        low = float(along[radii_m > ring_m].min())
+        hover_m = _measure_hover_m(through, point + (low - point @ axis) * axis, axis, ring_m)
+        seat = low - hover_m if hover_m else _find_rim(part, fastener)
     mouth = point + (seat - float(point @ axis)) * axis
-    apart = part.vertices_m - point
-    radius = float(np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1).max())
     into = upright.vector((-float(axis[0]), -float(axis[1]), -float(axis[2])))
     entry: dict[str, Any] = {
         "hole_m": list(upright.point((float(mouth[0]), float(mouth[1]), float(mouth[2])))),
         "head_diameter_m": round(2 * radius, 6),
-        "head_height_m": round(float(along.max()) - seat, 6),
+        "head_height_m": round(float(along.max()) - seat - hover_m, 6),
         "mass_kg": float(f"{max(part.mass_kg, 1e-6):.4g}"),
     }
     if into != DOWN:
         entry["axis"] = list(into)
-    return entry
+    return entry, hover_m
+
+
+def _list_radii_m(part: Part, fastener: Fastener) -> Floats:
+    """Return the distances of a fastener's vertices from its axis [m]."""
+    axis, apart = np.asarray(fastener.axis), part.vertices_m - np.asarray(fastener.point_m)
+    return np.asarray(np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1))
+
+
+# Rays around a head, greatest height over its seat from which a screw is driven home, and
+# unevenness of a seat [m].
+_RING_RAYS, _MOST_HOVER_M, _UNEVEN_M = 16, 5e-4, 1e-5
+
+
+def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float) -> float:
+    """Return the height of a head over a flat seat [m]; 0 if it touches it or is too high."""
+    angles = np.linspace(0, 2 * np.pi, _RING_RAYS, endpoint=False)
+    around = np.column_stack([np.cos(angles), np.sin(angles)]) @ find_axes_across(
+        tuple(axis.tolist())
+    )
+    # Rays begin above the head, as it may be sunk in its seat.
+    origins_mm = (radius_m * around + _MOST_HOVER_M * axis) * 1000
+    mesh = RayMesh(through, mouth)
+    hit, beneath_mm = mesh.trace(origins_mm, np.tile(-axis, (_RING_RAYS, 1)))
+    hovers_m = beneath_mm / 1000 - _MOST_HOVER_M
+    is_flat = (hit >= 0).all() and (mesh.normals[hit] @ axis > _FLAT).all()
+    if not is_flat or np.ptp(hovers_m) > _UNEVEN_M:
+        return 0.0
+    hover_m = float(hovers_m.min())
+    return hover_m if _TOUCH_M < hover_m <= _MOST_HOVER_M else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -781,10 +825,10 @@ def _measure_flats_m(part: Part, axis: Vector) -> float:
     return round(float(np.ptp(hull @ across.T, axis=0).min()), _WIDTH_DECIMALS)
 
 
-def list_undriven_nuts(
+def list_undriven(
     product: Product, relation: Relation, names: Collection[str]
 ) -> dict[str, LeftOut]:
-    """Return the nuts for which a task has no socket, each with the reason."""
+    """Return the nuts without a socket and the screws without a head, each with the reason."""
     socketed = {
         name: nut
         for name in sorted(names, key=relation.index)
@@ -800,30 +844,43 @@ def list_undriven_nuts(
                 f"{' and '.join(f'{width * 1e3:.3g}' for width in sorted(usual))} mm"
             )
             reasons[name] = LeftOut(name, "no grasp", words)
+    for name in sorted(names, key=relation.index):
+        screw = relation.fastener(name)
+        if screw is not None and screw.kind == "screw":
+            radii_m = _list_radii_m(product.parts[product.index(name)], screw)
+            if radii_m.max() <= _HEADLESS * screw.diameter_m / 2:
+                reasons[name] = LeftOut(
+                    name,
+                    "no head",
+                    "has no head that bears on a part, which all screws of a task have",
+                )
     return reasons
 
 
-def _find_seat(part: Part, fastener: Fastener, relation: Relation) -> float:
-    """Return the position of a fastener's head contact along its axis [m].
+def _find_touched_seat(part: Part, fastener: Fastener, relation: Relation) -> float | None:
+    """Return the position of a fastener's head contact along its axis [m], None without one.
 
-    A nut consists of head only. A countersunk head is seated at its rim.
+    A nut consists of head only.
     """
     axis = np.asarray(fastener.axis)
-    along = part.vertices_m @ axis
-    lowest = float(along.min())
+    lowest = float((part.vertices_m @ axis).min())
     if fastener.kind == "nut":
         return lowest
-    beneath_head = lowest + fastener.length_m
     for contact in relation.contacts:
         if {part.name, fastener.joins[0]} != set(contact.parts) or not contact.points_m:
             continue
         if any(abs(float(np.dot(normal, axis))) > _FLAT for normal in contact.normals):
             # The points of the shank in its hole belong to the same contact.
             touched = np.asarray(contact.points_m) @ axis
-            return float(touched[np.abs(touched - beneath_head).argmin()])
-    apart = part.vertices_m - np.asarray(fastener.point_m)
-    radii = np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1)
+            return float(touched[np.abs(touched - lowest - fastener.length_m).argmin()])
+    return None
+
+
+def _find_rim(part: Part, fastener: Fastener) -> float:
+    """Return the position of the rim of a countersunk head along its axis [m]."""
+    along, radii = part.vertices_m @ np.asarray(fastener.axis), _list_radii_m(part, fastener)
     rim = float(along[radii > _RIM * radii.max()].min())
+    beneath_head = float(along.min()) + fastener.length_m
     return max(beneath_head, min(rim, float(along.max()) - _LEAST_HEAD_M))
 
 
@@ -1360,8 +1417,11 @@ class TaskWriter:
         missing = [join for join in fastener.joins if join not in self.names]
         if missing:
             self._note(part.name, f"is put in without {' and '.join(missing)}")
-        through = self.names[lies[0] if lies else fastener.joins[0]]
-        entry = build_screw_entry(part, fastener, self.relation, self.upright)
+        seat = lies[0] if lies else fastener.joins[0]
+        through, beneath = self.names[seat], self._get_part(seat)
+        entry, hover_m = build_screw_entry(part, fastener, self.relation, self.upright, beneath)
+        if hover_m:
+            self._note(part.name, f"is drawn {hover_m * 1e3:.2g} mm over {seat}, and driven home")
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
         turned: dict[str, Any] = self._name_orientation(part)
