@@ -117,7 +117,7 @@ def build_summary(document: Mapping[str, Any]) -> dict[str, Any]:
             continue
         reason = document.get("left_out_why", {}).get(name, {"kind": NO_TASK, "by": []})
         kind = reason["kind"]
-        # Refusals differ; those that differ in names and numbers only are of one kind.
+        # Refusals that differ in names and numbers alone are of one kind.
         words = document["left_out"][name] if kind == "refused" else ""
         key = kind, _NAMES_AND_NUMBERS.sub("", words)
         why.setdefault(key, []).append(name)
