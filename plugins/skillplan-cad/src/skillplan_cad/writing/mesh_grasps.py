@@ -421,7 +421,9 @@ class _Field:
         top = self.out_m[rows[-1]] + self.cell_m[1] / 2
         bottom = self.out_m[rows[0]] - self.cell_m[1] / 2
         thick = top - bottom
-        depths = {depth for depth in _DEPTHS_M if depth < thick} | {thick / 2, 0.7 * thick}
+        # Lengths of parts are round, too: fingertips would end on faces of neighbours.
+        round_m = {depth - _CLEAR_M for depth in _DEPTHS_M if depth < thick}
+        depths = round_m | {thick / 2, 0.7 * thick}
         return [float(top - depth) for depth in sorted(depths)]
 
     def find_patches(self, column: int, tip: float, jaws: _Jaws) -> Iterator[_Patch]:
@@ -431,8 +433,7 @@ class _Field:
         columns = np.abs(self.across_m - self.across_m[column]) <= half_m
         if not rows.any():
             return
-        some = _slice(columns), _slice(rows)
-        begins, ends = self.begins[some], self.ends[some]
+        begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
         inner = np.flatnonzero(rows)
         row = inner[min(1, len(inner) - 1)]
         own = [
@@ -549,8 +550,8 @@ class _Field:
             is_single = touches[0].shape[axis] == 1
             if not 0 <= outside < self.begins.shape[axis] or (is_single and axis == 0):
                 continue
-            line = (kept, outside) if axis else (outside, kept)
-            begins, ends = self.begins[line], self.ends[line]
+            begins = self.begins.take(outside, axis)[kept]
+            ends = self.ends.take(outside, axis)[kept]
             for mask, side, sign in zip(touches, sides, (-1, 1), strict=True):
                 at = side + sign * _NEAR_M
                 is_wider = (np.isfinite(begins) & (begins <= at) & (ends >= at)).any(axis=1)
@@ -566,25 +567,19 @@ class _Field:
         above = self.out_m - tip
         for lower, upper in pairwise(hand.jaw_m):
             half, behind = max(lower[1], upper[1]), max(lower[3], upper[3])
-            rows = _slice((above >= lower[0]) & (above <= upper[0] + self.cell_m[1]) & (above > 0))
-            columns = _slice(np.abs(self.across_m - self.across_m[column]) <= half + _CLEAR_M)
-            begins, ends = self.begins[columns, rows], self.ends[columns, rows]
+            rows = (above >= lower[0]) & (above <= upper[0] + self.cell_m[1]) & (above > 0)
+            columns = np.abs(self.across_m - self.across_m[column]) <= half + _CLEAR_M
+            begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
             hits_left = (begins < left - _CLEAR_M) & (ends > begin_m - behind)
             hits_right = (ends > right + _CLEAR_M) & (begins < end_m + behind)
             if hits_left.any() or hits_right.any():
                 return False
-        rows = _slice(above > hand.tip_m - hand.underside_m - _CLEAR_M)
-        columns = _slice(np.abs(self.across_m - self.across_m[column]) <= hand.half_width_m)
-        begins, ends = self.begins[columns, rows], self.ends[columns, rows]
+        rows = self.out_m - tip > hand.tip_m - hand.underside_m - _CLEAR_M
+        columns = np.abs(self.across_m - self.across_m[column]) <= hand.half_width_m
+        begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
         half_m = hand.half_length_m
         meets = (begins < middle + half_m) & (ends > middle - half_m) & np.isfinite(begins)
         return not bool(meets.any())
-
-
-def _slice(mask: NDArray[np.bool_]) -> slice:
-    """Return the stretch of a mask that is true; a slice copies no rays."""
-    numbers = np.flatnonzero(mask)
-    return slice(numbers[0], numbers[-1] + 1) if len(numbers) else slice(0)
 
 
 def compute_cup_force_n(diameter_m: float) -> float:
