@@ -200,7 +200,7 @@ def build_checked_nest(
     free: Sequence[KeepFree],
     most: int = MOST_SAMPLES,
 ) -> tuple[Nest, NestCheck]:
-    """Return a nest and its check: with the seated parts, then with all that it has room for."""
+    """Return a nest and its check: with the seated parts, then with all parts."""
     nest = build_nest(room, settings, up, free)
     check = check_nest([get_body(part) for part in seated], nest, free, most=most)
     if len(room) > len(seated):

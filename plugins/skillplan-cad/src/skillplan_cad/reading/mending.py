@@ -563,7 +563,7 @@ def _turn_outwards(part: RawPart) -> tuple[RawPart, NDArray[np.int64], bool]:
         if volume[number] < 0 and (volume.sum() < 0 or not find_around(number))
     ]
     if volume.sum() < 0:
-        # The whole is inside out, its cavities too; a body beside it may not be.
+        # The whole is inside out, its cavities too; a body next to it may not be.
         inverted = [number for number in range(count) if volume[number] < 0 or find_around(number)]
     if inverted:
         flipped = np.isin(shell, inverted)

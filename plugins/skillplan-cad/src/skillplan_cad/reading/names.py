@@ -127,7 +127,7 @@ def _has_lead(encoding: str, low: int, high: int) -> Callable[[str, int], bool]:
 
 
 def _is_accented(text: str, place: int) -> bool:
-    """Return whether a letter is Latin beside a plain one, or a sign of drawings."""
+    """Return whether a letter is Latin next to a plain one, or a sign of drawings."""
     if text[place] in "\u00d8\u00b0\u00b1\u00b2\u00b3\u00b5":
         return True
     beside = text[max(place - 1, 0) : place] + text[place + 1 : place + 2]

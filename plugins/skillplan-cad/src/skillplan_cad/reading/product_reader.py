@@ -223,7 +223,7 @@ class ReadOptions:
     thickness_m
         Thickness of open surfaces, for their mass [m]; None for the mass of their boxes.
     leave_out, only
-        Patterns of the names of parts that are left out, or of the only ones that are read.
+        Patterns of the names of parts that are left out, or of the only parts that are read.
     as_one
         Patterns; the parts of each become one part.
     units

@@ -180,7 +180,7 @@ _NOT_FINITE = re.compile(
 # Largest share of entities that may be missing.
 _MOST_LOST = 0.01
 _POINT = re.compile(rb"#(\d+)\s*=\s*CARTESIAN_POINT\s*\(\s*'[^']*'\s*,\s*\(([^()]{0,200})\)")
-# Names of files that a file refers to; stand-in for one that is not read.
+# Names of files that a file refers to; stand-in for a file that is not read.
 _FILE_NAME = re.compile(
     rb"(DOCUMENT_FILE|EXTERNAL_IDENTIFICATION_ASSIGNMENT|IDENTIFIER)(\s*\(\s*)"
     rb"'((?:[^']|''){1,1000})'"
@@ -303,7 +303,7 @@ def mesh_step(content: bytes) -> tuple[Points, Triangles]:
 
 
 def hash_step(path: Path) -> str:
-    """Return a hash of a file and of those that it refers to; empty if it is refused."""
+    """Return a hash of a file and of the files that it refers to; empty if it is refused."""
     try:
         files, notes = _gather_references(path, _read_content(path)[0])
     except OptionError:
