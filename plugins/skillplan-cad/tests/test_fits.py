@@ -18,9 +18,11 @@ from skillplan.cli import run
 from skillplan_cad import (
     FitOptions,
     ImportSettings,
+    Lane,
     ReadOptions,
     compute_allowance_m,
     compute_thread_depth_m,
+    decompose_convex,
     find_blocked,
     find_joints,
     list_thinned,
@@ -396,6 +398,26 @@ def test_pieces_leave_a_cavity_that_is_not_round_to_the_part_that_goes_in(tmp_pa
     filled = [piece ^ placed for piece in pieces]
     depths_mm = [2 * part.volume() / part.surface_area() for part in filled if part.volume() > 1e-3]
     assert max(depths_mm, default=0.0) < 0.01
+
+
+def test_pieces_of_a_grid_leave_the_narrow_gap_free_that_jaws_reach_into():
+    """Pieces end before all 169 gaps are cut, the widest first; a finger would meet a hull."""
+    grid = manifold3d.Manifold.cube((132, 132, 8))
+    for i, j in np.ndindex(13, 13):
+        width_mm = 4 if (i, j) == (6, 6) else 8
+        gap = manifold3d.Manifold.cube((width_mm, width_mm, 10))
+        grid -= gap.translate((2 + 10 * i, 2 + 10 * j, -1))
+    mesh = grid.to_mesh()
+    jaws = manifold3d.Manifold.cube((3, 3, 6)).translate((62.5, 62.5, 2))
+    lane = Lane(manifold3d.Manifold(), 0.0, 2e-5, jaws)
+    points_m, triangles = mesh.vert_properties / 1e3, mesh.tri_verts
+
+    def are_free(lane_of_cut):
+        pieces = decompose_convex(points_m, triangles, 1e-3, (), lane_of_cut)
+        return lane.frees_jaws(corners for corners, _ in pieces)
+
+    assert are_free(lane)
+    assert not are_free(None)
 
 
 @pytest.mark.slow(reason="simulates; the shapes are tested in every run")

@@ -74,10 +74,12 @@ from .relation_file import format_relation as format_relation
 from .relation_file import read_relation as read_relation
 from .writing.arm_choice import choose_arm as choose_arm
 from .writing.build_task import build_task as build_task
+from .writing.convex_pieces import decompose_convex as decompose_convex
 from .writing.grouped_task import find_parted_groups as find_parted_groups
 from .writing.grouped_task import join_groups as join_groups
 from .writing.held_part import Load as Load
 from .writing.held_part import list_holds as list_holds
+from .writing.lanes import Lane as Lane
 from .writing.mesh_grasps import GraspFinder as GraspFinder
 from .writing.task_document import Item as Item
 from .writing.task_document import assign_task_names as assign_task_names
@@ -103,6 +105,7 @@ __all__ = [
     "Instance",
     "Item",
     "KeepFree",
+    "Lane",
     "LeftOut",
     "Limits",
     "Load",
@@ -139,6 +142,7 @@ __all__ = [
     "choose_attitude",
     "compute_allowance_m",
     "compute_thread_depth_m",
+    "decompose_convex",
     "derive_precedence",
     "describe_unit_doubt",
     "encode_set",

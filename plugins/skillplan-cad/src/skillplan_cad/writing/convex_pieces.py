@@ -49,8 +49,8 @@ _WORTH = 0.6
 _LEAST_SHARE = 1e-3
 # Weights that encode three coordinates from -1000 to 1000 as one number.
 _PLACES = np.array([10**8, 10**4, 1])
-# Factor by which gaps in the way of other parts are cut before others.
-_FIRST = 1e3
+# Factors by which gaps in the way of other parts, and of jaws, are cut before others.
+_FIRST, _SECOND = 1e6, 1e3
 # Share of a gap's corners on the wall of a round hollow above which it belongs to the hollow.
 _ON_WALL = 0.3
 # Range of the sines between neighbouring faces of a curved wall, share of the wall that has such
@@ -85,7 +85,7 @@ def decompose_convex(
     hollows
         Round hollows; cuts through their axes give the fewest pieces.
     lane
-        Space of other parts; None if they pass no concave part of the solid.
+        Space of other parts and of jaws; None if they pass no concave part of the solid.
     """
     whole = make_solid(vertices_m, triangles)
     if whole.is_empty():
@@ -125,7 +125,7 @@ def decompose_convex(
 
 def _get_most(excess: float) -> int:
     """Return the number of pieces after which a gap with an excess is no longer cut."""
-    return _MOST_OF_ALL if excess >= _FIRST else _MOST_PIECES
+    return _MOST_OF_ALL if excess >= _SECOND else _MOST_PIECES
 
 
 def is_full(pieces: Pieces) -> bool:
@@ -191,6 +191,9 @@ def _find_worst_gap(
             reach = lane.measure_reach_mm(gap) / _TO_MM / min(lane.allowed_m, allowed_m)
             # No part goes into a hole that is not cut to the end.
             excess = _FIRST * reach if reach > 1 else 0.0
+        if lane is not None and not excess:
+            reach = 2 * measure_thickness(gap ^ lane.jaws) / _TO_MM / allowed_m
+            excess = _SECOND * reach if reach > 1 else 0.0
         sides_mm = np.ptp(np.reshape(gap.bounding_box(), (2, 3)), axis=0)
         if max(excess, worst) < float(np.linalg.norm(sides_mm)) / _TO_MM / allowed_m:
             excess = max(excess, _measure_width(gap, hull) / _TO_MM / allowed_m)

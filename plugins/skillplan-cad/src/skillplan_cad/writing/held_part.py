@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cache
-from itertools import count
+from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,12 @@ from scipy.spatial import cKDTree
 from skillplan.domains.assembly import ToolConfig
 from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
+from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.product import Part, Points, Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
-from skillplan_cad.writing.mesh_grasps import Floats, GraspFinder, JawGrasp
+from skillplan_cad.writing.mesh_grasps import OPEN_M, Floats, GraspFinder, JawGrasp
 from skillplan_cad.writing.trial import Failure
 from skillplan_cad.writing.upright import place_turned, place_upright
 
@@ -102,6 +103,10 @@ class Load:
     tip_m: float
 
 
+# Distance that pieces keep from open jaws [m].
+_JAW_ROOM_M = 2.5e-4
+
+
 @dataclass(frozen=True, slots=True)
 class Held:
     """A tool and the grasps of a part by it, as in the part's entry in a task file.
@@ -126,6 +131,45 @@ class Held:
         """True if the hand points down."""
         return not any("approach" in grasp for grasp in self.grasps)
 
+    def list_jaw_spaces(self, hand: Hand, top_m: float) -> list[Points]:
+        """Return boxes around the open jaws of each grasp, which leave a film on the part.
+
+        Parameters
+        ----------
+        hand
+            The arm's own hand.
+        top_m
+            Height of the part above its bottom [m].
+
+        Returns
+        -------
+        list
+            Corners relative to the centre of the part's bottom [m], shape (8, 3) each.
+        """
+        if self.tool in CUPS_M:
+            return []
+        hand, clearance_m = get_jaws(hand, self.tool)
+        boxes = []
+        for grasp in self.grasps:
+            if grasp.get("hold") == "inner":
+                continue
+            axis = grasp["closing_axis"]
+            closing = np.array(AXES[axis] if isinstance(axis, str) else axis)
+            out = -np.array(grasp.get("approach", DOWN))
+            x_m, y_m, *z_m = grasp["at_m"]
+            tip = np.array([x_m, y_m, z_m[0] if z_m else top_m - grasp["depth_m"]])
+            width_m = grasp["width_m"]
+            open_m = min(width_m + 2 * clearance_m, hand.opening_m)
+            for lower, upper in pairwise(hand.jaw_m):
+                half_m = max(lower[1], upper[1]) + _JAW_ROOM_M
+                near_m = width_m / 2 + min(lower[2], upper[2]) + 2 * _JAW_ROOM_M
+                far_m = open_m / 2 + max(lower[3], upper[3]) + _JAW_ROOM_M
+                ends = ((-half_m, half_m), (lower[0], upper[0]), (near_m, far_m))
+                corners = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
+                frame = np.stack([np.cross(out, closing), out, closing])
+                boxes += [tip + corners * [1.0, 1.0, side] @ frame for side in (1, -1)]
+        return boxes
+
     @property
     def entry(self) -> dict[str, Any]:
         """Keys ``tool`` and ``grasp``."""
@@ -142,6 +186,13 @@ def equip_hand(hand: Hand, gripper: str) -> tuple[Hand, float]:
     assert equipped is not None
     assert tool.mass_kg is not None
     return equipped, tool.mass_kg
+
+
+def get_jaws(hand: Hand, tool: str) -> tuple[Hand, float]:
+    """Return the hand with the jaws of a gripper, and their clearance on each side [m]."""
+    if tool == TIPS:
+        return replace(hand, jaw_m=TIPS_PROFILE_M, jaw_corners_m=()), TIPS_CLEARANCE_M
+    return hand if tool == GRIPPER else equip_hand(hand, tool)[0], OPEN_M
 
 
 def list_holds(
@@ -170,8 +221,8 @@ def list_holds(
     if above and not is_good:
         yield _hold(GRIPPER, above)
     yield from _hold_by_cup(finder, SMALL_CUP)
-    tips = replace(hand, jaw_m=TIPS_PROFILE_M, jaw_corners_m=())
-    by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m, clearance_m=TIPS_CLEARANCE_M)
+    tips, clearance_m = get_jaws(hand, TIPS)
+    by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m, clearance_m=clearance_m)
     by_tips += finder.find_inner_grasps(tips)
     if by_tips:
         yield _hold(TIPS, sorted(by_tips, key=lambda grasp: grasp.cost))

@@ -6,7 +6,7 @@ Sweeps of the true meshes: the faces of a part that point ahead, extruded backwa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import manifold3d
@@ -52,11 +52,22 @@ class Lane:
         Greatest clearance that is part of it [m].
     allowed_m
         Allowed width of a gap in it [m].
+    jaws
+        Space of open jaws in the concave parts, in the frame of the solid [mm].
     """
 
     solid: manifold3d.Manifold
     clearance_m: float
     allowed_m: float
+    jaws: manifold3d.Manifold
+
+    def frees_jaws(self, hulls: Iterable[Points]) -> bool:
+        """Return whether convex pieces, given by their corners [m], leave room for the jaws."""
+        return self.jaws.is_empty() or all(
+            2 * measure_thickness(manifold3d.Manifold.hull_points(points * _TO_MM) ^ self.jaws)
+            <= self.allowed_m * _TO_MM
+            for points in hulls
+        )
 
     def measure_reach_mm(self, gap: manifold3d.Manifold) -> float:
         """Return the depth to which a gap of a piece is in the way of a part [mm]."""
@@ -72,9 +83,10 @@ class Lane:
         """Return whether another space has the same size."""
         if other is None:
             return False
-        own, its = self.solid, other.solid
-        return math.isclose(own.volume(), its.volume(), rel_tol=_SAME_SIZE) and math.isclose(
-            own.surface_area(), its.surface_area(), rel_tol=_SAME_SIZE
+        return all(
+            math.isclose(own.volume(), its.volume(), rel_tol=_SAME_SIZE)
+            and math.isclose(own.surface_area(), its.surface_area(), rel_tol=_SAME_SIZE)
+            for own, its in ((self.solid, other.solid), (self.jaws, other.jaws))
         )
 
 
@@ -113,13 +125,17 @@ class Lanes:
             for mate in fastener.threaded_in
         }
 
-    def find(self, part: Part, vertices_m: Points, triangles: Triangles) -> Lane | None:
+    def find(
+        self, part: Part, vertices_m: Points, triangles: Triangles, jaws: Sequence[Points] = ()
+    ) -> Lane | None:
         """Return the space of other parts, or None if a mesh leaves them free as its hull.
 
         Parameters
         ----------
         vertices_m
             Upright, relative to the centre of the part's bottom [m].
+        jaws
+            Corners of convex spaces that jaws take, in the same frame [m].
         """
         solid = make_solid(vertices_m, triangles)
         concave = solid.hull() - solid
@@ -147,9 +163,15 @@ class Lanes:
             if measure_thickness(met) > self._overlaps_m.get(pair, 0.0) * _TO_MM:
                 space += met
                 widest_m = max(widest_m, clearance_m)
-        if space.volume() < _LEAST_MM3:
+        # Engines let jaws pass where the mesh does.
+        held = manifold3d.Manifold()
+        for box in jaws:
+            low, high = box.min(axis=0) * _TO_MM, box.max(axis=0) * _TO_MM
+            if (low < room[1]).all() and (high > room[0]).all():
+                held += manifold3d.Manifold.hull_points(box * _TO_MM) ^ concave
+        if space.volume() + held.volume() < _LEAST_MM3:
             return None
-        return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M)
+        return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M, held)
 
     def _list_moves(self, name: str) -> Iterator[tuple[Part, Floats]]:
         """Yield the parts and screws that come along a part, with their move in its pose."""

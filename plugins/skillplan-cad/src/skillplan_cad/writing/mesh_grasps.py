@@ -28,7 +28,9 @@ _FRICTION = 0.6
 # Distance of a surface from a jaw's face at which it still bears the jaw [m].
 _NEAR_M = 1.5e-4
 # Usual clearance of open jaws on either side of a part, and that of a jaw from other material [m].
-_OPEN_M, _CLEAR_M = 4e-3, 5e-4
+OPEN_M = 4e-3
+"""Usual clearance of open jaws on either side of a part [m]."""
+_CLEAR_M = 5e-4
 # Play between jaws and part at the widest opening; and clearance of fingertips above the bottom of
 # a part [m], the latter at most a share of its height.
 _PLAY_M, _ABOVE_M, _ABOVE_SHARE = 4e-3, 1e-3, 0.25
@@ -159,7 +161,7 @@ class GraspFinder:
         approaches: Sequence[tuple[float, float, float]],
         sunk_m: float,
         raised_m: float = 0.0,
-        clearance_m: float = _OPEN_M,
+        clearance_m: float = OPEN_M,
     ) -> list[JawGrasp]:
         """Return the best grasps from some sides, the best first.
 

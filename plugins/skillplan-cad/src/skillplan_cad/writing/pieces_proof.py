@@ -139,7 +139,9 @@ class PieceProof:
         self._wrong: tuple[Difference, ...] = ()
         self._fine: set[str] = set()
 
-    def prove(self, meshes: Mapping[str, Sequence[Mesh]]) -> ProvedPieces:
+    def prove(
+        self, meshes: Mapping[str, Sequence[Mesh]], jaws: Mapping[str, Sequence[Points]]
+    ) -> ProvedPieces:
         """Return the pieces of some parts, without those that are not cut in their share of time.
 
         Simple parts come first, so that one that takes long costs no other.
@@ -148,6 +150,8 @@ class PieceProof:
         ----------
         meshes
             Meshes by part name, upright, relative to the centre of the part's bottom [m].
+        jaws
+            Spaces that jaws take by part name, in the same frame; see `Lanes.find`.
         """
         new = [name for name in meshes if name not in self._loosened]
         new.sort(key=lambda name: sum(len(triangles) for _, triangles in meshes[name]))
@@ -156,6 +160,7 @@ class PieceProof:
             if self._watch.must_stop():
                 break
             self._watch.report(f"writing: convex pieces of {name}, {number} of {len(new)} parts")
+            self._cutter.jaws[name] = jaws.get(name, ())
             pieces = self._cut(name, meshes[name], _COARSE_M)
             if pieces is None:
                 break
@@ -257,7 +262,11 @@ class Cuts:
                 if pieces is None:
                     continue
                 excess_m = measure_excess_m(pieces, vertices_m, triangles, lane)
-                if lane is None or excess_m <= lane.allowed_m or lane.is_like(cut.lane):
+                if (
+                    lane is None
+                    or (excess_m <= lane.allowed_m and lane.frees_jaws(at for at, _ in pieces))
+                    or lane.is_like(cut.lane)
+                ):
                     return pieces, excess_m
         pieces = decompose_convex(vertices_m, triangles, allowed_m, hollows, lane)
         cut = _Cut(vertices_m, triangles, lane, pieces)
@@ -364,17 +373,21 @@ class _Cutter:
     ----------
     excess_m
         Width by which the pieces of each part are in the way of other parts [m].
+    jaws
+        Spaces that jaws take at each part.
     """
 
     def __init__(self, upright: Upright, lanes: Lanes, cuts: Cuts) -> None:
         self._upright, self._lanes, self._cuts = upright, lanes, cuts
         self._lanes_of: dict[str, list[Lane | None]] = {}
         self.excess_m: dict[str, float] = {}
+        self.jaws: dict[str, Sequence[Points]] = {}
 
     def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
         """Return the pieces of each mesh of a part."""
         if part.name not in self._lanes_of:
-            self._lanes_of[part.name] = [self._lanes.find(part, *mesh) for mesh in meshes]
+            jaws = self.jaws.get(part.name, ())
+            self._lanes_of[part.name] = [self._lanes.find(part, *mesh, jaws) for mesh in meshes]
         hollows, pieces, excess_m = self._find_hollows(part), [], 0.0
         for mesh, lane in zip(meshes, self._lanes_of[part.name], strict=True):
             own, own_m = self._cuts.cut(*mesh, allowed_m, hollows, lane)

@@ -1094,7 +1094,9 @@ class TaskWriter:
             if (fastener := self._get_driven(part)) is not None
         }
         meshes = self.shared.of_part
-        proved = proof.prove({part.name: meshes[part.name] for part in self.gripped})
+        proved = proof.prove(
+            {part.name: meshes[part.name] for part in self.gripped}, self._list_jaw_spaces()
+        )
         self._add_pieces(proved, parts, files)
         up, names = self.bearing.up, self.names
         for name, words in list_plan_limits(self.product, self.plan, up, names):
@@ -1133,6 +1135,29 @@ class TaskWriter:
             replace(self.bearing, held=tuple(self._list_held())),
             nest=self.nest,
         )
+
+    def _list_jaw_spaces(self) -> dict[str, list[Points]]:
+        """Return the spaces that jaws take at each part, for itself and for later parts.
+
+        Those of a tool that is tried later are not known yet.
+        """
+        order = {name: number for number, name in enumerate(self.bearing.order)}
+        own: dict[str, list[Points]] = {}
+        bottoms: dict[str, Floats] = {}
+        for part in self.gripped:
+            upright = self.upright.of(part.name)
+            bottoms[part.name] = np.array(upright.bottom(part))
+            if part.name not in self.holds.fixed:
+                held, top_m = self.holds.held(part.name), float(upright.size(part)[2])
+                own[part.name] = held.list_jaw_spaces(ARMS[self.robot][1], top_m)
+        spaces = {}
+        for name, bottom in bottoms.items():
+            spaces[name] = list(own.get(name, ()))
+            for other, boxes in own.items():
+                is_later = order.get(other, -1) > order.get(name, -1)
+                if is_later and self.upright.of(other) is self.upright.of(name):
+                    spaces[name] += [box + (bottoms[other] - bottom) for box in boxes]
+        return spaces
 
     def _add_pieces(
         self, proved: ProvedPieces, parts: Mapping[str, Any], files: dict[str, str]
