@@ -21,7 +21,7 @@ from OCP.BRepBuilderAPI import (
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeRevol
 from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt
 from OCP.Interface import Interface_Static
-from OCP.Standard import Standard_DomainError
+from OCP.StdFail import StdFail_NotDone
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Compound
@@ -95,7 +95,7 @@ def test_a_face_that_is_not_meshed_as_drawn_is_meshed_from_another_parametrisati
     """
 
     def fail(_):
-        raise Standard_DomainError("Convert_TorusToBSplineSurface")
+        raise StdFail_NotDone("BRep_API: command not done")
 
     monkeypatch.setattr(occt_reader, "ShapeUpgrade_ShapeDivideClosed", fail)
     outline = BRepBuilderAPI_MakePolygon()

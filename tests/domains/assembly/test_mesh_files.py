@@ -191,6 +191,16 @@ def test_a_folded_sliver_does_not_make_a_hull_concave(tmp_path):
     assert len(mesh.corners) == 7
 
 
+def test_a_concave_foil_is_told_from_a_hull(tmp_path):
+    """Its walls, 40 micrometres high at 5 m of length, alone show the corner of the L."""
+    outline = [(0, 0), (5, 0), (5, 1), (1, 1), (1, 5), (0, 5)]
+    corners = [(x, y, z) for z in (0, 4e-5) for x, y in outline]
+    top = [(6, 7, 8, 9), (6, 9, 10, 11)]
+    walls = [(i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6) for i in range(6)]
+    faces = [*top, *(tuple(i - 6 for i in face[::-1]) for face in top), *walls]
+    assert not read_mesh(tmp_path, wedge_in(tmp_path, corners=corners, faces=faces), 1.0).convex
+
+
 def test_a_surface_with_a_hole_is_refused(tmp_path):
     """A face is missing, stands twice, or has two corners."""
     fans = triangles(WEDGE_FACES)

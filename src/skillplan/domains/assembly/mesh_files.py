@@ -272,8 +272,10 @@ def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
     lengths = np.linalg.norm(normals, axis=1)
     edges_m = np.linalg.norm(np.stack([b - a, c - b, a - c]), axis=2).max(axis=0)
     flatness_m = max(_FLATNESS * longest_m, 1e-8)
-    # A hull may fold triangles that are thinner than its tolerance; their neighbours decide.
-    sound = np.flatnonzero(lengths > flatness_m * edges_m)
+    # A hull may fold triangles that are thinner than its tolerance; their neighbours decide, but
+    # not those of a foil.
+    is_thick = float(np.ptp(corners, axis=0).min()) > 2 * flatness_m
+    sound = np.flatnonzero(lengths > (flatness_m * edges_m if is_thick else 1e-12 * longest_m**2))
     a, normals = a[sound], normals[sound]
     levels = np.einsum("ij,ij->i", a, normals)
     highest = levels + flatness_m * lengths[sound]

@@ -382,7 +382,7 @@ class Findings:
     materials
         Names of stated materials by part.
     unconfirmed
-        Number of pairs that shrunk meshes did not test in the time.
+        Number of blockings that shrunk meshes did not test in the time.
     relieved
         Parts whose fits touch instead of overlapping.
     """

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from OCP import Standard
 from OCP.BinTools import BinTools
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Builder, BRep_Tool
@@ -76,15 +75,6 @@ MOST_PATH = 10_000
 _ALONG, _MOST_EDGES = 9, 600
 # Relative error of the integral of a volume.
 _INTEGRAL_ERROR = 1e-3
-# OCCT's errors; their classes in Python do not derive from each other.
-_FAILURES: tuple[type[Exception], ...] = (
-    RuntimeError,
-    *(
-        kind
-        for kind in vars(Standard).values()
-        if isinstance(kind, type) and issubclass(kind, Exception)
-    ),
-)
 _NAME = TDataStd_Name.GetID_s()
 _EDGE, _FACE, _SHELL, _SOLID = (
     TopAbs_ShapeEnum.TopAbs_EDGE,
@@ -355,8 +345,8 @@ def _build_solid(name: str, solid: Any, chord_mm: float) -> Mended:
                 continue
             _mesh(healed, chord_mm)
             part, missing = _collect(name, healed)
-        except _FAILURES:
-            # OCCT fails on some faces; the next remedy may not.
+        except Exception:
+            # OCCT fails on some faces, and its errors share no class; the next remedy may not.
             continue
         if heal is _convert:
             part = replace(part, faces=_keep_surfaces(part.faces, solid))
@@ -587,7 +577,8 @@ def _sew(shape: Any, tolerance_mm: float) -> Any:
     sewing.Add(shape)
     try:
         sewing.Perform()
-    except _FAILURES:
+    except Exception:
+        # OCCT fails on some faces, and its errors share no class.
         return None
     sewn = sewing.SewedShape()
     return None if sewn is None or sewn.IsNull() else sewn

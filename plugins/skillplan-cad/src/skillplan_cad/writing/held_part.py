@@ -276,7 +276,7 @@ def describe_too_heavy(mass_kg: float, tool_kg: float, robot: str, tool: str) ->
 
 @dataclass(slots=True)
 class KnownHolds:
-    """Tools and grasps that were found, by upright shape, mass and depth in other parts.
+    """Tools and grasps that were found, by upright shape, density and depth in other parts.
 
     Attributes
     ----------
@@ -291,13 +291,14 @@ class KnownHolds:
     bits: dict[tuple[str, Vector], int] = field(default_factory=dict)
 
     def find_shape(self, part: Part, local: Points) -> tuple[int, ...]:
-        """Return the key of an upright shape, which parts of the same corners share."""
+        """Return the key of an upright shape, which parts of the same triangles share."""
         counts = len(local), len(part.triangles)
+        points_m = np.vstack([local, local[part.triangles].mean(axis=1)])
         shapes = self._shapes.setdefault(counts, [])
         for number, tree in enumerate(shapes):
-            if np.isfinite(tree.query(local, distance_upper_bound=_ROUNDED_M)[0]).all():
+            if np.isfinite(tree.query(points_m, distance_upper_bound=_ROUNDED_M)[0]).all():
                 return (*counts, number)
-        shapes.append(cKDTree(local))
+        shapes.append(cKDTree(points_m))
         return (*counts, len(shapes) - 1)
 
     def iterate(self, key: tuple[Any, ...], search: Callable[[], Iterator[Held]]) -> Iterator[Held]:

@@ -30,8 +30,8 @@ _AHEAD = 1e-6
 # Thickness above which a gap may be a recess of a wall [mm]. It is in the way of a part if it
 # reaches into its lane by more than the clearance and a share of it.
 _RECESS_MM, _FURTHER = 0.3, 1.25
-# Difference of sizes of lanes that are one, as a share.
-_SAME_SIZE = 1e-6
+# Difference of sizes of lanes that are one, as a share, and of places of their jaws.
+_SAME_SIZE, _SAME_PLACE_MM = 1e-6, 1e-3
 _LEAST_MM, _LEAST_MM3 = 1e-3, 1e-3
 # Number of triangles up to which a mesh is swept, and the tolerances to which others are simplified
 # [mm]; their hull is swept if that does not suffice.
@@ -80,14 +80,15 @@ class Lane:
         )
 
     def is_like(self, other: Lane | None) -> bool:
-        """Return whether another space has the same size."""
+        """Return whether another space has the same size, and its jaws the same place."""
         if other is None:
             return False
-        return all(
-            math.isclose(own.volume(), its.volume(), rel_tol=_SAME_SIZE)
-            and math.isclose(own.surface_area(), its.surface_area(), rel_tol=_SAME_SIZE)
-            for own, its in ((self.solid, other.solid), (self.jaws, other.jaws))
+        own, its = self.solid, other.solid
+        is_as_large = math.isclose(own.volume(), its.volume(), rel_tol=_SAME_SIZE) and math.isclose(
+            own.surface_area(), its.surface_area(), rel_tol=_SAME_SIZE
         )
+        places_mm = self.jaws.bounding_box(), other.jaws.bounding_box()
+        return is_as_large and bool(np.allclose(*places_mm, atol=_SAME_PLACE_MM))
 
 
 def measure_thickness(solid: manifold3d.Manifold) -> float:

@@ -263,7 +263,9 @@ class GraspFinder:
                 face = normals[near][int(np.argmax(areas[near]))]
                 face = _turn_forwards(face - (face @ out) * out)
                 face /= np.linalg.norm(face)
-                axis = axis if face @ axis > 1 - _ALMOST else face
+                is_straight = (np.abs(normals[near] @ axis) > 1 - _ALMOST).any()
+                is_level = abs(out[2]) > 0.5 or abs(face[2]) < _ALMOST
+                axis = face if is_level and not is_straight else axis
             if not any(abs(axis @ a) > _ALONG for a in listed):
                 listed.append(axis)
         # A hand from the side whose jaws close upright would be in the table.
@@ -424,9 +426,9 @@ class _Field:
         bottom = self.out_m[rows[0]] - self.cell_m[1] / 2
         thick = top - bottom
         # Lengths of parts are round, too: fingertips would end on faces of neighbours.
-        round_m = {depth - _CLEAR_M for depth in _DEPTHS_M if depth < thick}
-        depths = round_m | {thick / 2, 0.7 * thick}
-        return [float(top - depth) for depth in sorted(depths)]
+        less_m = min(_CLEAR_M, thick / 4)
+        round_m = {depth for depth in _DEPTHS_M if depth < thick} | {thick / 2, 0.7 * thick}
+        return [float(top - depth + less_m) for depth in sorted(round_m)]
 
     def find_patches(self, column: int, tip: float, jaws: _Jaws) -> Iterator[_Patch]:
         """Yield the patches on which jaws with their tips at a height close, by layer."""
@@ -435,7 +437,8 @@ class _Field:
         columns = np.abs(self.across_m - self.across_m[column]) <= half_m
         if not rows.any():
             return
-        begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
+        some = _slice(columns), _slice(rows)
+        begins, ends = self.begins[some], self.ends[some]
         inner = np.flatnonzero(rows)
         row = inner[min(1, len(inner) - 1)]
         own = [
@@ -552,8 +555,8 @@ class _Field:
             is_single = touches[0].shape[axis] == 1
             if not 0 <= outside < self.begins.shape[axis] or (is_single and axis == 0):
                 continue
-            begins = self.begins.take(outside, axis)[kept]
-            ends = self.ends.take(outside, axis)[kept]
+            line = (kept, outside) if axis else (outside, kept)
+            begins, ends = self.begins[line], self.ends[line]
             for mask, side, sign in zip(touches, sides, (-1, 1), strict=True):
                 at = side + sign * _NEAR_M
                 is_wider = (np.isfinite(begins) & (begins <= at) & (ends >= at)).any(axis=1)
@@ -569,19 +572,25 @@ class _Field:
         above = self.out_m - tip
         for lower, upper in pairwise(hand.jaw_m):
             half, behind = max(lower[1], upper[1]), max(lower[3], upper[3])
-            rows = (above >= lower[0]) & (above <= upper[0] + self.cell_m[1]) & (above > 0)
-            columns = np.abs(self.across_m - self.across_m[column]) <= half + _CLEAR_M
-            begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
+            rows = _slice((above >= lower[0]) & (above <= upper[0] + self.cell_m[1]) & (above > 0))
+            columns = _slice(np.abs(self.across_m - self.across_m[column]) <= half + _CLEAR_M)
+            begins, ends = self.begins[columns, rows], self.ends[columns, rows]
             hits_left = (begins < left - _CLEAR_M) & (ends > begin_m - behind)
             hits_right = (ends > right + _CLEAR_M) & (begins < end_m + behind)
             if hits_left.any() or hits_right.any():
                 return False
-        rows = self.out_m - tip > hand.tip_m - hand.underside_m - _CLEAR_M
-        columns = np.abs(self.across_m - self.across_m[column]) <= hand.half_width_m
-        begins, ends = self.begins[columns][:, rows], self.ends[columns][:, rows]
+        rows = _slice(above > hand.tip_m - hand.underside_m - _CLEAR_M)
+        columns = _slice(np.abs(self.across_m - self.across_m[column]) <= hand.half_width_m)
+        begins, ends = self.begins[columns, rows], self.ends[columns, rows]
         half_m = hand.half_length_m
         meets = (begins < middle + half_m) & (ends > middle - half_m) & np.isfinite(begins)
         return not bool(meets.any())
+
+
+def _slice(mask: NDArray[np.bool_]) -> slice:
+    """Return the stretch of a mask that is true; a slice copies no rays."""
+    numbers = np.flatnonzero(mask)
+    return slice(numbers[0], numbers[-1] + 1) if len(numbers) else slice(0)
 
 
 def compute_cup_force_n(diameter_m: float) -> float:

@@ -756,6 +756,9 @@ def _list_radii_m(part: Part, fastener: Fastener) -> Floats:
 _RING_RAYS, _MOST_HOVER_M, _UNEVEN_M = 16, 5e-4, 1e-5
 
 
+_UNCHECKED = "; the room below its tip is not checked"
+
+
 def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float) -> float:
     """Return the height of a head over a flat seat [m]; 0 if it touches it or is too high."""
     angles = np.linspace(0, 2 * np.pi, _RING_RAYS, endpoint=False)
@@ -771,7 +774,7 @@ def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float
     if not is_flat or np.ptp(hovers_m) > _UNEVEN_M:
         return 0.0
     hover_m = float(hovers_m.min())
-    return hover_m if _TOUCH_M < hover_m <= _MOST_HOVER_M else 0.0
+    return hover_m if 0.0 < hover_m <= _MOST_HOVER_M + _UNEVEN_M else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -1446,7 +1449,10 @@ class TaskWriter:
         through, beneath = self.names[seat], self._get_part(seat)
         entry, hover_m = build_screw_entry(part, fastener, self.relation, self.upright, beneath)
         if hover_m:
-            self._note(part.name, f"is drawn {hover_m * 1e3:.2g} mm over {seat}, and driven home")
+            self._note(
+                part.name,
+                f"is drawn {hover_m * 1e3:.2g} mm over {seat}, and driven home{_UNCHECKED}",
+            )
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
         turned: dict[str, Any] = self._name_orientation(part)
