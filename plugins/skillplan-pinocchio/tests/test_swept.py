@@ -113,12 +113,30 @@ class TestHand:
             assert "placed(post)" in verdict.facts
 
     def test_jaws_that_hardly_open_need_less_room(self):
-        """The clearance is an option, or the tool's; closed, only the fingers count."""
+        """The clearance is an option, or the tool's; closed, only the fingers count, to 0.02 mm."""
+        assert self.neighbour(0.0148, clearance_m=0).is_feasible
+        assert self.neighbour(0.0146, clearance_m=0).is_infeasible
         assert self.neighbour(0.017, clearance_m=0.001).is_feasible
         assert self.neighbour(0.017, {"clearance_m": 0.001}).is_feasible
         verdict = self.neighbour(0.017)
         assert verdict.evidence["during"] == "the retreat"
         assert self.neighbour(0.014).evidence["during"] == "the approach"
+
+    @pytest.mark.parametrize(
+        ("height_m", "is_held", "hits"),
+        [(0.02, False, True), (0.0185, False, False), (0.0185, True, True)],
+    )
+    def test_a_jaw_is_as_wide_at_its_end_as_engines_have_it(self, height_m, is_held, hits):
+        """It ends at 18 mm; a holder gets the part at its goal, others are let go 1 mm above."""
+        content = shelf()
+        content["parts"]["post"] = block([0.6, -0.25], [0.521, 0.018], [0.01, 0.02, height_m])
+        content["parts"]["top"]["goal_m"] = [0.5, 0.0]
+        del content["parts"]["top"]["goal_on"], content["parts"]["base"]
+        if is_held:
+            content["holders"] = {"nest": {"kind": "hold", "parts": ["top"], "stays": True}}
+        verdict = verdict_of(content, "place(top)", "held(top)", "placed(post)")
+        assert verdict.is_infeasible is hits
+        assert not hits or verdict.reason == "a finger runs into post on the approach"
 
     def test_what_is_across_the_jaws_needs_less_room(self, regrasped):
         """Closing along y leaves the neighbour along x alone."""

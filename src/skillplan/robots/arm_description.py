@@ -612,6 +612,17 @@ class Hand:
         )
 
     @property
+    def jaw_block_m(self) -> tuple[Triple, Triple]:
+        """Lower and upper corner of the block with the flat face that engines use, as `jaw` [m].
+
+        It has the full width of the outline up to the end of a jaw, where the exact corners narrow.
+        """
+        heights_m, halves_m, begins_m, ends_m = zip(*self.jaw_m, strict=True)
+        half_m = min(halves_m)
+        low = (max(begins_m), -half_m, heights_m[0])
+        return low, (min(ends_m), half_m, heights_m[-1])
+
+    @property
     def body(self) -> tuple[tuple[Triple, ...], ...]:
         """Corners of convex pieces of the body: along the closing axis, across it, depth [m].
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -131,7 +131,13 @@ def _make_body(hand: Hand) -> tuple[Array, ...]:
 
 def _make_fingers(hand: Hand, face_m: float, side: int) -> Iterator[Array]:
     """Yield the pieces of a jaw; the other side is the same, turned by half a turn."""
-    for piece in hand.jaw:
+    pieces = hand.jaw
+    if hand.jaw_corners_m and not hand.jaw_pieces_m:
+        # Engines simulate the block too, which is wider than the exact corners at the end.
+        (x, y, z), (far_x, far_y, far_z) = hand.jaw_block_m
+        block = product((x, far_x), (y, far_y), (z, far_z))
+        pieces = ((*hand.jaw_corners_m, *block),)
+    for piece in pieces:
         behind, across, height_m = np.array(piece).T
         yield np.column_stack([side * (face_m + behind), side * across, height_m - hand.beyond_m])
 
@@ -224,13 +230,24 @@ class HandSweeps:
             loads = [*self._load(label, motion, motion.carries, begin, _subtract(begin, target))]
             if label == "the insertion" and motion.drop_m:
                 loads += self._load(label, motion, motion.carries, begin, _subtract(begin, end))
-            yield (*loads, *self._hands(label, motion, begin, _subtract(begin, end), after=False))
+            lowest = motion.grasp_tip if is_last and self._lowers_to_goal(motion) else end
+            by = _subtract(begin, lowest)
+            yield (*loads, *self._hands(label, motion, begin, by, after=False))
 
     def retreat(self, motion: LinearMotion) -> Iterator[tuple[Sweep, ...]]:
         """Yield the sweeps of each straight stretch back to safe height, in order."""
         label = "the retreat"
-        for begin, end in pairwise(motion.retreat):
+        first = motion.grasp_tip if self._lowers_to_goal(motion) else motion.retreat[0]
+        for begin, end in pairwise((first, *motion.retreat[1:])):
             yield tuple(self._swept(label, motion, begin, _subtract(begin, end), after=True))
+
+    def _lowers_to_goal(self, motion: LinearMotion) -> bool:
+        """Return whether a part may go into a holder: the hand brings it down, it does not fall."""
+        visit = motion.visit
+        if visit.event is not Event.RELEASE or not visit.at_goal:
+            return False
+        holders = self.scene.holders
+        return any(item.kind == "hold" and visit.subject in item.facts for item in holders)
 
     def clash(self, motion: LinearMotion, tolerance_m: float) -> tuple[str, Touch] | None:
         """Return the hand part that collides with the handled body, and the contact, or None.

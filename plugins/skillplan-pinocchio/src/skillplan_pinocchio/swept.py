@@ -207,6 +207,7 @@ class SweptDetector(Detector):
     """A verdict on swept convex hulls of hand, load and links, on reach, and on supports."""
 
     name = "swept"
+    version = "2"
     expected_s = 0.005
     checks_arm = True
     removed_options: ClassVar[Mapping[str, RemovedDwell]] = {
@@ -232,7 +233,8 @@ class SweptDetector(Detector):
             default=2e-4,
             ge=0,
             le=0.01,
-            description="overlap or gap that counts as touching [m]",
+            description="overlap or gap that counts as touching [m]; a tenth of it for hand and "
+            "tool",
         )
         clearance_m: float = Field(
             default=0.004,

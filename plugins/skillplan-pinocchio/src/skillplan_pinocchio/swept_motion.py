@@ -100,6 +100,9 @@ class SweptMotion:
     travels: SkillTravels | None = None
 
 
+_HAND_SHARE = 0.1
+"""Share of the tolerance for hand and tool: an arm that presses on a body by more moves it."""
+
 # Reach of a fit about its part [m].
 _REACH_M = 0.0005
 # Distance at which a body ahead of an insertion is looked for, and its accuracy [m].
@@ -198,7 +201,9 @@ class SweptMotionBuilder:
                     continue
                 if obstacle.fact is not None and not holds(obstacle.fact):
                     continue
-                tolerance_m = self.planner.tolerance_m + sweep.overlaps_m.get(obstacle.body, 0.0)
+                share = 1.0 if sweep.is_load else _HAND_SHARE
+                tolerance_m = share * self.planner.tolerance_m
+                tolerance_m += sweep.overlaps_m.get(obstacle.body, 0.0)
                 touch = sweep.touch(obstacle, tolerance_m, self.planner.samples)
                 if touch is not None:
                     collisions.append(

@@ -153,13 +153,11 @@ def make_jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
     """
     if hand.jaw_pieces_m:
         return tuple(_make_jaw_piece(piece, side, hand.beyond_m) for piece in hand.jaw_pieces_m)
-    low_m, high_m = hand.jaw_m[0][0] - hand.beyond_m, hand.jaw_m[-1][0] - hand.beyond_m
-    half_m = min(row[1] for row in hand.jaw_m)
-    near_m = max(row[2] for row in hand.jaw_m)
-    far_m = min(row[3] for row in hand.jaw_m)
+    (near_m, right_m, low_m), (far_m, left_m, high_m) = hand.jaw_block_m
     pieces: list[Piece] = []
     if far_m - near_m > _THINNEST_M:
-        pieces.append(_make_block((-half_m, near_m, -high_m), (half_m, far_m, -low_m), side))
+        low = (right_m, near_m, hand.beyond_m - high_m)
+        pieces.append(_make_block(low, (left_m, far_m, hand.beyond_m - low_m), side))
     for below, above in pairwise(hand.jaw_m):
         # The block, whose face is flat, is as thick as thin tips.
         is_thin = max(below[3], above[3]) - near_m - _BEHIND_FACE_M <= _THINNEST_M
