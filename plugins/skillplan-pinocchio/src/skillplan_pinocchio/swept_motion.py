@@ -101,7 +101,7 @@ class SweptMotion:
 
 
 _HAND_SHARE = 0.1
-"""Share of the tolerance for hand and tool: an arm that presses on a body by more moves it."""
+"""Share of the tolerance for hand and tool: the arm presses with full force."""
 
 # Reach of a fit about its part [m].
 _REACH_M = 0.0005
