@@ -426,9 +426,9 @@ class _Field:
         bottom = self.out_m[rows[0]] - self.cell_m[1] / 2
         thick = top - bottom
         # Lengths of parts are round, too: fingertips would end on faces of neighbours.
-        less_m = min(_CLEAR_M, thick / 4)
-        round_m = {depth for depth in _DEPTHS_M if depth < thick} | {thick / 2, 0.7 * thick}
-        return [float(top - depth + less_m) for depth in sorted(round_m)]
+        round_m = {depth - _CLEAR_M for depth in _DEPTHS_M if depth < thick}
+        depths = round_m | {thick / 2, 0.7 * thick}
+        return [float(top - depth) for depth in sorted(depths)]
 
     def find_patches(self, column: int, tip: float, jaws: _Jaws) -> Iterator[_Patch]:
         """Yield the patches on which jaws with their tips at a height close, by layer."""
