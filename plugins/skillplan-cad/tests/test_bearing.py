@@ -367,19 +367,6 @@ def test_the_order_leaves_out_what_no_order_lets_pass():
     assert (bearing.why_not["post"].kind, bearing.why_not["post"].by) == ("closed in", ("lid",))
 
 
-def test_what_fits_beneath_a_lid_from_the_side_goes_in_before_it():
-    peg = box(3, 25, 35, 7, 35, 40)
-    solids = {
-        "plate": PLATE,
-        "left": box(0, 0, 10, 10, 60, 40) - peg,
-        "right": box(50, 0, 10, 60, 60, 40),
-        "block": box(20, 20, 10, 40, 40, 30),
-        "lid": box(0, 0, 40, 60, 60, 45) + peg,
-        "clip": box(60, 20, 0, 75, 40, 50) + box(40, 20, 45, 60, 40, 50),
-    }
-    assert borne(product_of(**solids)).order == ("plate", "block", "left", "right", "lid", "clip")
-
-
 def test_what_stands_on_a_part_that_is_left_out_follows_it():
     product = product_of(plate=PLATE, sleeve=SLEEVE, shelf=box(15, 15, 50, 45, 45, 54))
     bearing = find_bearing(product, related(product), UP, {"sleeve"})

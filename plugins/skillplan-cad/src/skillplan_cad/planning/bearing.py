@@ -349,7 +349,7 @@ class _Standing:
         self._firm_bits = encode_set([self._numbers[name] for name in self._firm])
         self._known: dict[tuple[str, int, bool], bool] = {}
         self._earlier: dict[str, int] = {}
-        self._blockers: dict[tuple[int, float], list[int]] = {}
+        self._blockers: dict[int, list[int]] = {}
         self._heights: dict[int, float] = {}
         self._joined = {
             name: set(fastener.joins)
@@ -646,25 +646,20 @@ class _Standing:
                         break
 
     def _take_away(self, present: int, ground: float) -> tuple[list[str], int]:
-        """Return the parts that can be taken away one by one, in order, and the rest.
-
-        The highest part that leaves straight up is first, or else sideways: what goes in later
-        leaves room for a hand above what goes in earlier.
-        """
+        """Return the parts that can be taken away one by one, in order, and the rest."""
         removed: list[str] = []
+        names = self._relation.names
+        # From the top: parts below may still be needed.
         order = sorted(list_members(present), key=lambda n: (-self._get_height(n), -n))
-        steepness = _ALONG
-        while True:
-            number = next((n for n in order if self._is_free(n, present, ground, steepness)), None)
-            if number is not None:
-                present &= ~(1 << number)
-                order.remove(number)
-                removed.append(self._relation.names[number])
-                steepness = _ALONG
-            elif steepness == _ALONG:
-                steepness = -_SIDEWAYS
-            else:
-                return removed, present
+        progress = True
+        while progress:
+            progress = False
+            for number in order:
+                if present >> number & 1 and self._is_free(number, present, ground):
+                    present &= ~(1 << number)
+                    removed.append(names[number])
+                    progress = True
+        return removed, present
 
     def _get_height(self, number: int) -> float:
         if number not in self._heights:
@@ -672,8 +667,8 @@ class _Standing:
             self._heights[number] = round(float(centre_m @ self._vector), 6)
         return self._heights[number]
 
-    def _is_free(self, number: int, present: int, ground: float, steepness: float) -> bool:
-        """Return whether a part can leave as steeply as this, and all others stay."""
+    def _is_free(self, number: int, present: int, ground: float) -> bool:
+        """Return whether a part can leave upwards or sideways, and all others stay."""
         name, others = self._relation.names[number], present & ~(1 << number)
         if name in self._firm:
             return False
@@ -682,7 +677,7 @@ class _Standing:
             for screw, joins in self._joined.items()
         )
         if joined or not any(
-            not blockers & others for blockers in self._list_blockers(number, name, steepness)
+            not blockers & others for blockers in self._list_blockers(number, name)
         ):
             return False
         return all(
@@ -691,21 +686,19 @@ class _Standing:
             if touched >> number & 1 and others >> self._numbers[other] & 1
         )
 
-    def _list_blockers(self, number: int, name: str, steepness: float) -> list[int]:
-        """Return the blockers of a part in each direction that is as steep, and not downwards."""
-        key = number, steepness
-        if key not in self._blockers:
+    def _list_blockers(self, number: int, name: str) -> list[int]:
+        """Return the blockers of a part in each direction that is not downwards."""
+        if number not in self._blockers:
             is_driven = name in self._driven
             along = np.asarray(self._get_axis(name)) if is_driven else self._vector
-            is_level = is_driven and float(along @ self._vector) < steepness
-            steepest = _ALONG if is_driven else steepness
+            steepest = _ALONG if is_driven else -_SIDEWAYS
             blockers = [
                 blockers
                 for direction, blockers in self._relation.blocker_sets[number]
                 if float(np.dot(self._relation.directions[direction], along)) > steepest
             ]
-            self._blockers[key] = [] if is_level else blockers or [0] if is_driven else blockers
-        return self._blockers[key]
+            self._blockers[number] = blockers or [0] if is_driven else blockers
+        return self._blockers[number]
 
     def _choose_withdrawn(self, left: int, ground: float) -> str:
         """Return the part without which most others are placed; ties go to the lightest."""
@@ -728,7 +721,7 @@ class _Standing:
         if below and name not in self._driven:
             words = "comes from below: the product has to be turned over, or held up by a fixture"
             return LeftOut(name, "from below", words)
-        sets = self._list_blockers(number, name, -_SIDEWAYS)
+        sets = self._list_blockers(number, name)
         fewest = min(sets, key=lambda blockers: (blockers & others).bit_count(), default=0)
         by = tuple(self._relation.names[n] for n in list_members(fewest & others))
         words = (
