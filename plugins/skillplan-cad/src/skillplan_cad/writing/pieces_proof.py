@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import manifold3d
@@ -140,7 +140,9 @@ class PieceProof:
         self._fine: set[str] = set()
 
     def prove(
-        self, meshes: Mapping[str, Sequence[Mesh]], jaws: Mapping[str, Sequence[Points]]
+        self,
+        meshes: Mapping[str, Sequence[Mesh]],
+        list_jaws: Callable[[], Mapping[str, Sequence[Points]]],
     ) -> ProvedPieces:
         """Return the pieces of some parts, without those that are not cut in their share of time.
 
@@ -150,10 +152,11 @@ class PieceProof:
         ----------
         meshes
             Meshes by part name, upright, relative to the centre of the part's bottom [m].
-        jaws
-            Spaces that jaws take by part name, in the same frame; see `Lanes.find`.
+        list_jaws
+            Returns the spaces that jaws take by part name, in the same frame; see `Lanes.find`.
         """
         new = [name for name in meshes if name not in self._loosened]
+        jaws = list_jaws() if new else {}
         new.sort(key=lambda name: sum(len(triangles) for _, triangles in meshes[name]))
         pieces_of: dict[str, tuple[Pieces, ...]] = {}
         for number, name in enumerate(new, 1):

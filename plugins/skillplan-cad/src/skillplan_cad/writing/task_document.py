@@ -756,9 +756,6 @@ def _list_radii_m(part: Part, fastener: Fastener) -> Floats:
 _RING_RAYS, _MOST_HOVER_M, _UNEVEN_M = 16, 5e-4, 1e-5
 
 
-_UNCHECKED = "; the room below its tip is not checked"
-
-
 def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float) -> float:
     """Return the height of a head over a flat seat [m]; 0 if it touches it or is too high."""
     angles = np.linspace(0, 2 * np.pi, _RING_RAYS, endpoint=False)
@@ -1098,7 +1095,7 @@ class TaskWriter:
         }
         meshes = self.shared.of_part
         proved = proof.prove(
-            {part.name: meshes[part.name] for part in self.gripped}, self._list_jaw_spaces()
+            {part.name: meshes[part.name] for part in self.gripped}, self._list_jaw_spaces
         )
         self._add_pieces(proved, parts, files)
         up, names = self.bearing.up, self.names
@@ -1451,7 +1448,8 @@ class TaskWriter:
         if hover_m:
             self._note(
                 part.name,
-                f"is drawn {hover_m * 1e3:.2g} mm over {seat}, and driven home{_UNCHECKED}",
+                f"is drawn {hover_m * 1e3:.2g} mm over {seat}, and driven home; "
+                "the room below its tip is not checked",
             )
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
