@@ -82,7 +82,7 @@ _SIZE = r"m\d+(\.\d+)?( ?[x*\u00d7] ?\d+(\.\d+)?)+"
 _MACHINE = re.compile(
     r"(lead|ball|power|feed|jack|trapez\w*|archimedes|extruder|conveyor) ?(screws?|nuts?)|"
     r"screw ?drivers?|(kugel|gewinde|trapez)\w*(spindel|mutter)|schraubendreher|"
-    r"bolt ?action|nut ?runner|rolling ?pin|vis[ -](mere|sans fin)|pin ?(headers?|sockets?|out)"
+    r"bolt ?action|dead ?bolts?|nut ?runner|rolling ?pin|vis[ -](mere|sans fin)|pin ?(headers?|sockets?|out)"
 )
 # Nouns after a fastener's name that make it a modifier: "nut holder".
 _HOLDER = (
@@ -148,8 +148,11 @@ def is_rod_name(name: str, design: str) -> bool:
 
 @cache
 def _recognise_text(text: str) -> PartKind | None:
-    # SolidWorks writes "SUBASSEMBLY-1 PART-1".
-    own = re.split(r"(?<=-\d) (?=\S)|(?<=-\d\d) (?=\S)| - ", text)[-1]
+    # SolidWorks writes "SUBASSEMBLY-1 PART-1"; sizes and grades belong to the word before them, as
+    # in "ISO 7046-1 - M4 x 20 - 4.8 - Z".
+    pieces = re.split(r"(?<=-\d) (?=\S)|(?<=-\d\d) (?=\S)| - ", text)
+    worded = [place for place, piece in enumerate(pieces) if re.search(r"[^\W\d_]{3}", piece)]
+    own = " ".join(pieces[worded[-1] if worded else 0 :])
     words = _normalise(own)
     if _MACHINE.search(words):
         return None
