@@ -110,6 +110,19 @@ def test_a_screw_that_is_drawn_over_its_seat_is_driven_home(screwed_task, height
     assert words.startswith(f"is drawn {height_mm} mm over plate, and driven home")
 
 
+def test_pieces_leave_the_counterbore_free_in_which_a_chamfered_head_sinks():
+    chamfer = manifold3d.Manifold.cylinder(0.3, 3.7, 4, 48).translate([30, 20, 24])
+    solids = {
+        "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 2, 10),
+        "plate": box(0, 0, 20, 60, 40, 30) - rod(30, 20, 20, 2, 10) - rod(30, 20, 24, 4.2, 9),
+        "M4 screw": rod(30, 20, 12, 2, 12) + chamfer + rod(30, 20, 24.3, 4, 3),
+    }
+    task = cad.build_task(*relate(product_of(solids)))
+    head, (pieces,) = rod(0, 0, 4, 4, 3), task.pieces.pieces["plate"]
+    hulls = [manifold3d.Manifold.hull_points(corners * 1e3) for corners, _ in pieces]
+    assert max((hull ^ head).volume() for hull in hulls) < 1e-3
+
+
 def test_a_screw_without_a_head_is_left_out_with_the_reason():
     solids = {
         "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 2, 10),

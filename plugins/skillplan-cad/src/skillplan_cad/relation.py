@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.product import Vector
+from skillplan_cad.product import Points, Vector
 
 ContactKind = Literal["plane", "cylinder", "thread", "free"]
 FitKind = Literal[
@@ -202,6 +202,11 @@ class Fastener:
     threaded_in: tuple[str, ...]
     by: tuple[str, ...]
     held: bool = False
+
+    def list_radii_m(self, points_m: Points) -> Points:
+        """Return the distances of points from its axis [m]."""
+        axis, apart = np.asarray(self.axis), points_m - np.asarray(self.point_m)
+        return np.asarray(np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1))
 
 
 @dataclass(frozen=True, slots=True)

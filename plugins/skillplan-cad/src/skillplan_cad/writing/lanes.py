@@ -14,11 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_cad.product import Part, Points, Product, Triangles, make_solid
-from skillplan_cad.relation import Relation
+from skillplan_cad.relation import Fastener, Relation
 from skillplan_cad.writing.upright import Upright
 
 PLAY_M = 1e-4
 """Smallest clearance that back ends play with, on each side [m]."""
+
+LEAST_HEAD_M = 1e-4
+"""Least height of a head that is flush [m]."""
 
 Floats = NDArray[np.float64]
 
@@ -123,6 +126,7 @@ class Lanes:
         self._threads = {
             frozenset((fastener.part, mate))
             for fastener in relation.fasteners
+            if fastener.kind != "screw"
             for mate in fastener.threaded_in
         }
 
@@ -192,7 +196,11 @@ class Lanes:
         """
         if part.name in self._corners:
             return self._corners[part.name]
-        solid = make_solid(part.vertices_m, part.triangles)
+        fastener = self._relation.fastener(part.name)
+        if fastener is not None and part.name in self._relation.driven:
+            solid = _build_head(part, fastener)
+        else:
+            solid = make_solid(part.vertices_m, part.triangles)
         for tolerance_mm in _TOLERANCES_MM:
             if solid.num_tri() > _MANY_FACES:
                 solid = solid.simplify(tolerance_mm)
@@ -201,14 +209,20 @@ class Lanes:
         mesh64 = (hull if is_convex else solid).to_mesh64()
         points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
         corners = points[np.asarray(mesh64.tri_verts, dtype=np.int64)]
-        fastener = self._relation.fastener(part.name)
-        if fastener is not None and part.name in self._relation.driven:
-            heights = corners @ np.asarray(fastener.axis)
-            low_mm = float((part.vertices_m @ np.asarray(fastener.axis)).min()) * _TO_MM
-            in_head = heights > low_mm + fastener.length_m * _TO_MM - _LEAST_MM
-            corners, is_convex = corners[in_head.all(axis=1)], False
         self._corners[part.name] = corners, is_convex
         return self._corners[part.name]
+
+
+def _build_head(part: Part, fastener: Fastener) -> manifold3d.Manifold:
+    """Return the head of a screw as high all over as at its top, as in engines [mm]."""
+    axis, radii_m = np.asarray(fastener.axis), fastener.list_radii_m(part.vertices_m)
+    # A screw without a head is as wide as its shank.
+    ring_m = (min(fastener.diameter_m / 2, radii_m.max()) + radii_m.max()) / 2
+    rim = part.vertices_m[radii_m >= ring_m]
+    heights_m, top_m = rim @ axis, float((part.vertices_m @ axis).max())
+    low_m = min(float(heights_m.min()), top_m - LEAST_HEAD_M)
+    ends = [rim + np.outer(end_m - heights_m, axis) for end_m in (low_m, top_m)]
+    return manifold3d.Manifold.hull_points(np.concatenate(ends) * _TO_MM)
 
 
 def _sweep_faces(

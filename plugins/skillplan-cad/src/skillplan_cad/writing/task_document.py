@@ -60,6 +60,7 @@ from skillplan_cad.writing.held_part import (
     PartHolds,
     equip_hand,
 )
+from skillplan_cad.writing.lanes import LEAST_HEAD_M
 from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
 from skillplan_cad.writing.upright import (
     Upright,
@@ -704,8 +705,8 @@ def list_plan_limits(
 
 
 _FLAT = 0.999
-# Share of a head's radius at its rim, and least height of a head that is flush [m].
-_RIM, _LEAST_HEAD_M = 0.97, 1e-4
+# Share of a head's radius at its rim.
+_RIM = 0.97
 # Width of a screw, in diameters of its shank, up to which it has no head.
 _HEADLESS = 1.15
 
@@ -724,7 +725,7 @@ def build_screw_entry(
     """
     axis = np.asarray(fastener.axis)
     along = part.vertices_m @ axis
-    radii_m, point = _list_radii_m(part, fastener), np.asarray(fastener.point_m)
+    radii_m, point = fastener.list_radii_m(part.vertices_m), np.asarray(fastener.point_m)
     radius, hover_m = float(radii_m.max()), 0.0
     seat = _find_touched_seat(part, fastener, relation)
     if seat is None:
@@ -743,12 +744,6 @@ def build_screw_entry(
     if into != DOWN:
         entry["axis"] = list(into)
     return entry, hover_m
-
-
-def _list_radii_m(part: Part, fastener: Fastener) -> Floats:
-    """Return the distances of a fastener's vertices from its axis [m]."""
-    axis, apart = np.asarray(fastener.axis), part.vertices_m - np.asarray(fastener.point_m)
-    return np.asarray(np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1))
 
 
 # Rays around a head, greatest height over its seat from which a screw is driven home, and
@@ -847,7 +842,7 @@ def list_undriven(
     for name in sorted(names, key=relation.index):
         screw = relation.fastener(name)
         if screw is not None and screw.kind == "screw":
-            radii_m = _list_radii_m(product.parts[product.index(name)], screw)
+            radii_m = screw.list_radii_m(product.parts[product.index(name)].vertices_m)
             if radii_m.max() <= _HEADLESS * screw.diameter_m / 2:
                 reasons[name] = LeftOut(
                     name,
@@ -878,10 +873,11 @@ def _find_touched_seat(part: Part, fastener: Fastener, relation: Relation) -> fl
 
 def _find_rim(part: Part, fastener: Fastener) -> float:
     """Return the position of the rim of a countersunk head along its axis [m]."""
-    along, radii = part.vertices_m @ np.asarray(fastener.axis), _list_radii_m(part, fastener)
+    along = part.vertices_m @ np.asarray(fastener.axis)
+    radii = fastener.list_radii_m(part.vertices_m)
     rim = float(along[radii > _RIM * radii.max()].min())
     beneath_head = float(along.min()) + fastener.length_m
-    return max(beneath_head, min(rim, float(along.max()) - _LEAST_HEAD_M))
+    return max(beneath_head, min(rim, float(along.max()) - LEAST_HEAD_M))
 
 
 _MOST_DIRECTIONS = 3
