@@ -1,5 +1,6 @@
 """Every arm of the catalogue stacks two parts: planned by swept, executed by both engines."""
 
+import numpy as np
 import pytest
 
 from skillplan import Setup, TaskError, load_problem, solve
@@ -98,3 +99,30 @@ def test_the_drives_of_an_arm_know_the_inertia_of_a_heavy_load(engine, tmp_path)
     created, *_ = introduce(Setup(engine, ()).back_ends(task))
     done = created.perform([task.skill("pick(block)"), task.skill("place(block)")])
     assert done.failed is None, done.failed.verdict.reason
+
+
+SLOT = """kind: assembly
+name: slot
+robot: {model: m710ic_50, home_m: [0.9, -0.1], safe_height_m: 0.5}
+tools: {cup: {type: suction, holder_m: [0.5, 0.9], cup_diameter_m: 0.1, mass_kg: 1.0}}
+initial_tool: cup
+parts:
+  left: {fixed: true, size_m: [0.05, 0.1, 0.1], goal_m: [0.6749, -0.5]}
+  right: {fixed: true, size_m: [0.05, 0.1, 0.1], goal_m: [0.9251, -0.5]}
+  block: {tool: cup, mass_kg: 18.0, size_m: [0.2, 0.1, 0.6], start_m: [1.0, 0.5],
+    goal_m: [0.8, -0.5], insert_along: [[0.0, -1.0, 0.0]],
+    fits: {left: {drawn_m: 0.0001, play_m: 0.0001, outside_m: 0.0}}}
+"""
+
+
+@pytest.mark.slow(reason="an execution")
+def test_a_heavy_arm_on_the_springs_of_a_fit_does_not_lag(tmp_path):
+    """Springs alone accelerated its inertia: it lagged by 1.2 mm, turned and pressed with 9 N."""
+    path = tmp_path / "slot.yaml"
+    path.write_text(SLOT, "utf-8")
+    task = load_problem(path).task
+    created, *_ = introduce(Setup("mujoco", ()).back_ends(task))
+    done = created.perform([task.skill("pick(block)"), task.skill("place(block)")])
+    evidence = done.skills[-1].verdict.evidence
+    assert evidence["sensed"]["insertion_force_n"] < 1.0
+    assert np.linalg.norm(evidence["offset_mm"]) < 0.1

@@ -115,11 +115,11 @@ def compute_torques(
     # Both remove the component of the pull that would move the tip.
     mobility = multiply_matrices(jacobian, yielding)
     if yields:
-        springs = _compute_springs(state, setpoint, mobility)
-        wrench = springs + load - solve_linear(mobility, multiply(jacobian, pull))
+        load = load + _compute_springs(state, setpoint, mobility)
+        aims = np.pad(setpoint.acceleration, (0, 3))
     else:
-        lacking = _compute_acceleration(state, setpoint, stiffness_per_s2)
-        wrench = solve_linear(mobility, lacking - multiply(jacobian, pull)) + load
+        aims = _compute_acceleration(state, setpoint, stiffness_per_s2)
+    wrench = solve_linear(mobility, aims - multiply(jacobian, pull)) + load
     return multiply_transposed(jacobian, wrench) + state.bias + multiply(state.mass, pull)
 
 

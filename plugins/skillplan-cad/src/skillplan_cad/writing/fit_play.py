@@ -348,8 +348,8 @@ class _Hull:
             corners = np.concatenate(met)
             gap = float((corners @ normal).min()) - offset
             key = (*normal.tolist(), offset)
-            # Undersides of the other part keep no distance.
-            has_play = is_level and normal[2] <= _STEEP
+            # Undersides bear a part, also on a move over its support: they get chamfers only.
+            has_play = normal[2] < -_STEEP or (is_level and normal[2] <= _STEEP)
             kept = max(gap, PLAY_M * _TO_MM) if has_play else gap
             self.sides[key] = min(kept, self.sides.get(key, kept))
             if not has_play:
@@ -368,9 +368,7 @@ class _Hull:
             offsets = np.einsum("ij,ij->i", corners[:, 0], normals)
             facets: dict[tuple[float, ...], list[int]] = {}
             for number in np.flatnonzero(lengths > 1e-9).tolist():
-                # Undersides bear the part, also on a move over its support.
-                is_underside = float(normals[number, 2]) < -_STEEP
-                if abs(float(normals[number] @ along)) < _SIDEWAYS and not is_underside:
+                if abs(float(normals[number] @ along)) < _SIDEWAYS:
                     rounded = np.round([*normals[number], offsets[number]], 3) + 0.0
                     facets.setdefault(tuple(rounded.tolist()), []).append(number)
             self._facets = []
