@@ -75,7 +75,8 @@ def find(folder, parts, options=None, **more):
     [
         ("screw", "MB4 vis M3 x 8-1|Zylinderschraube|tornillo|vite M4|DIN 912-M4|iso_4762|Bolt11L"),
         ("screw", "M3x8|socket head cap|SHCS M5|LargeScrew1-1|内六角螺钉|ボルト|винт|BOLT#2/SOLID"),
-        ("screw", "button head cap screw|screw M3 holder plate|śruba M6|parafuso|A:1/ISO 7046-1 - M4 x 20 - Z:1"),
+        ("screw", "button head cap screw|screw M3 holder plate|śruba M6|parafuso"),
+        ("screw", "DIN EN ISO 4014|Lock:1/ISO 7046-1 - M4 x 20 - Z:1"),
         (
             "nut",
             "écrou frein|MD5 ecrou M3-7|Sechskantmutter|tuerca|dado|DIN 934|hexnut_m3|螺母|T-nut",
@@ -86,7 +87,7 @@ def find(folder, parts, options=None, **more):
             None,
             "Bolts-1 plate-1|nut holder|bolt cover|lead screw|screwdriver|pin header|M3x8 spacer",
         ),
-        (None, "support de vis|heat insert M3x5|Block-1|visor|donut|pinion|Mutternhalter|deadbolt lock"),
+        (None, "support de vis|heat insert M3x5|visor|donut|pinion|Mutternhalter|deadbolt lock"),
     ],
 )
 def test_names_of_many_languages_and_standards_tell_the_kind(kind, names):

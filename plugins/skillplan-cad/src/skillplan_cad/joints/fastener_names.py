@@ -82,7 +82,8 @@ _SIZE = r"m\d+(\.\d+)?( ?[x*\u00d7] ?\d+(\.\d+)?)+"
 _MACHINE = re.compile(
     r"(lead|ball|power|feed|jack|trapez\w*|archimedes|extruder|conveyor) ?(screws?|nuts?)|"
     r"screw ?drivers?|(kugel|gewinde|trapez)\w*(spindel|mutter)|schraubendreher|"
-    r"bolt ?action|dead ?bolts?|nut ?runner|rolling ?pin|vis[ -](mere|sans fin)|pin ?(headers?|sockets?|out)"
+    r"bolt ?action|dead ?bolts?|nut ?runner|rolling ?pin|vis[ -](mere|sans fin)|"
+    r"pin ?(headers?|sockets?|out)"
 )
 # Nouns after a fastener's name that make it a modifier: "nut holder".
 _HOLDER = (
