@@ -239,18 +239,38 @@ def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, scre
 
 
 @pytest.mark.slow
-def test_an_order_is_found_of_the_parts_that_were_tried_in_time(screwed):
-    """Trials end at 65 % of the time, and the order of what passed takes the rest."""
+@pytest.mark.parametrize(
+    ("has_more", "kinds"),
+    [(False, ["pick", "place"] * 2), (True, ["pick", "place"] * 2 + ["fasten"])],
+)
+def test_an_order_is_found_of_the_parts_that_were_tried_in_time(screwed, has_more, kinds):
+    """Trials end at 65 % of the time; with time left, the other parts are tried as well."""
     trials = iter([True, True, False])
     task = cad.build_task(
         *screwed,
         watch=cad.Watch(
-            attempt=lambda make, share: make() if share > 0.65 or next(trials, False) else None
+            attempt=lambda make, share: make() if share > 0.65 or next(trials, has_more) else None
         ),
     )
-    assert len(task.names) == 2
-    assert [skill.partition("(")[0] for skill in task.skills] == ["pick", "place"] * 2
-    assert {reason.kind for reason in task.left_out.values()} <= {"not examined", "follows"}
+    brought = [skill.partition("(")[0] for skill in task.skills]
+    assert [kind for kind in brought if kind in {*kinds}] == kinds
+    assert {*task.left_out} == (set() if has_more else {"M4 screw"})
+    assert {reason.kind for reason in task.left_out.values()} <= {"not examined"}
+
+
+def test_a_station_stays_as_high_when_its_last_orientation_is_gone():
+    solids = {"base": box(0, 0, 0, 60, 40, 20), "plate": box(0, 0, 20, 60, 40, 30)}
+    parts = product_of(solids | {"cap": box(0, 0, 30, 60, 40, 35)}).parts
+    names = {part.name: part.name for part in parts}
+    bearing = cad.Bearing(UP, tuple(names), turned={"plate": DOWN, "cap": (1.0, 0.0, 0.0)})
+    before = cad.lay_out_parts(parts, parts, names, (), bearing, "panda")
+    fewer = replace(bearing, order=("base", "plate"), turned={"plate": DOWN})
+    alone = cad.lay_out_parts(parts[:2], parts[:2], names, (), fewer, "panda")
+    after = cad.lay_out_parts(parts[:2], parts[:2], names, (), fewer, "panda", before=before)
+    assert len(after.upright.poses) == 2
+    assert alone.upright.pivot_m[2] < before.upright.pivot_m[2]
+    assert after.upright.pivot_m == before.upright.pivot_m
+    assert after.upright.of("plate") is before.upright.of("plate")
 
 
 @pytest.mark.slow

@@ -213,6 +213,12 @@ class Deadline:
         """Return whether the deadline has passed, or a share of the time until it."""
         return time.monotonic() >= self._find_end_s(share)
 
+    def measure_share(self) -> float:
+        """Return the share of the time limit that is over; 0 without one."""
+        if self.time_limit_s is None:
+            return 0.0
+        return max(0.0, 1.0 - (self._end_s - time.monotonic()) / self.time_limit_s)
+
     def _find_end_s(self, share: float) -> float:
         return self._end_s - (1.0 - share) * (self.time_limit_s or 0.0)
 

@@ -84,6 +84,7 @@ from .writing.mesh_grasps import GraspFinder as GraspFinder
 from .writing.task_document import Item as Item
 from .writing.task_document import assign_task_names as assign_task_names
 from .writing.task_document import build_tool_entries as build_tool_entries
+from .writing.task_document import lay_out_parts as lay_out_parts
 from .writing.task_document import lay_out_table as lay_out_table
 from .writing.trial import TaskTrials as TaskTrials
 from .writing.upright import place_upright as place_upright
@@ -159,6 +160,7 @@ __all__ = [
     "format_relation",
     "is_connected",
     "join_groups",
+    "lay_out_parts",
     "lay_out_table",
     "list_attitude_warnings",
     "list_holds",

@@ -323,6 +323,7 @@ def command(
         draw_import,
         stopping,
         deadline.attempt,
+        deadline.measure_share,
     )
     for warning in imported.warnings:
         tell(f"skillplan: warning: {warning}")

@@ -38,7 +38,7 @@ from skillplan_cad.relation_file import build_relation_document, format_relation
 # Largest number of fits printed one by one.
 _NAMED = 4
 # Shares of the time limit after which stages stop; the rest is for the pictures.
-_CONFIRMING_SHARE, _PLANNING_SHARE, _WRITING_SHARE = 0.15, 0.4, 0.85
+_CONFIRMING_SHARE, _PLANNING_SHARE, _WRITING_SHARE = 0.15, 0.4, 0.9
 
 
 def build_report(
@@ -178,6 +178,7 @@ def import_cad(
     draw: Draw | None = None,
     stopping: Callable[[], AbstractContextManager[Callable[[float], bool]]] = _never_stop,
     attempt: Attempt = call_at_once,
+    measure_share: Callable[[], float] = lambda: 0.0,
 ) -> Imported:
     """Import a product.
 
@@ -194,6 +195,8 @@ def import_cad(
         once a share of the time limit is over, or after Ctrl-C.
     attempt
         Calls a function and interrupts it at a share of the time limit; then it returns None.
+    measure_share
+        Returns the share of the time limit that is over.
 
     Raises
     ------
@@ -216,7 +219,7 @@ def import_cad(
         raise OptionError(_describe_missing_base(settings.base, relation))
     with stopping() as must_stop:
         planning, writing = (
-            Watch(tell, partial(must_stop, share), attempt)
+            Watch(tell, partial(must_stop, share), attempt, measure_share)
             for share in (_PLANNING_SHARE, _WRITING_SHARE)
         )
         plan = plan_product(path, findings, settings, planning, writing)

@@ -9,6 +9,8 @@ from typing import Protocol, TypeVar
 
 _Made = TypeVar("_Made")
 _SLOW_S = 2.0
+# Share of the time limit at which the last stage ends.
+_END_SHARE = 0.97
 
 
 class Attempt(Protocol):
@@ -34,6 +36,8 @@ class Watch:
         Returns True once the time is over, or after Ctrl-C.
     attempt
         Calls a function and returns its value, or None if a share of the time limit is over before.
+    measure_share
+        Returns the share of the time limit that is over.
     """
 
     def __init__(
@@ -41,9 +45,21 @@ class Watch:
         tell: Callable[[str], None] = lambda line: None,
         must_stop: Callable[[], bool] = lambda: False,
         attempt: Attempt = call_at_once,
+        measure_share: Callable[[], float] = lambda: 0.0,
     ) -> None:
-        self.tell, self.must_stop, self.attempt = tell, must_stop, attempt
+        self.tell, self.must_stop = tell, must_stop
+        self._attempt, self._measure_share = attempt, measure_share
+        self._begin_share = 0.0
         self._last_s = time.monotonic()
+
+    def renew(self) -> None:
+        """Let shares be shares of the time that is left, up to the end of the last stage."""
+        self._begin_share = self._measure_share()
+
+    def attempt(self, make: Callable[[], _Made], share: float) -> _Made | None:
+        """Call a function and return its value, or None if a share of the time is over before."""
+        over = self._begin_share * max(0.0, 1.0 - share / _END_SHARE)
+        return self._attempt(make, share + over)
 
     def report(self, text: str) -> None:
         """Print a line, at most one in two seconds."""

@@ -119,11 +119,12 @@ def build_task(
         )
         without: Mapping[str, LeftOut] = absent
         with TaskTrials(watch) as trials:
+            trials.renew()
             for share in _STOPPED_SHARES:
                 make = partial(builder.build, without, cuts, trials, watch, rival)
                 task = watch.attempt(make, share)
                 if task is not None:
-                    return task
+                    return builder.improve(task, absent, cuts, trials, watch)
                 # Once more with the parts that passed their trial.
                 without = builder.list_untried(trials)
         everything = _list_unexamined(part.name for part in product) | absent
@@ -150,6 +151,13 @@ def build_task(
             task = build(other, robot, best)
             if _is_better(product, task, best):
                 best, most = task, _weigh(product, task.names)
+
+    def turn(task: WrittenTask) -> WrittenTask:
+        if not (turning and holding) or watch.must_stop():
+            return task
+        return _turn_product(product, relation, plan, task, absent, build, watch)
+
+    best = turn(best)
     far = [name for name, reason in best.left_out.items() if reason.kind == "unreachable"]
     if longer is not None and longer != robot and far and not watch.must_stop():
         up = best.bearing.up
@@ -158,11 +166,11 @@ def build_task(
             if first.up == up
             else find_bearing(product, relation, up, absent, holding=holding)
         )
-        task = build(again, longer, best)
-        if _is_better(product, task, best):
-            best = task
-    if turning and holding and not watch.must_stop():
-        best = _turn_product(product, relation, plan, best, absent, build, watch)
+        # After a turn, the best task may have more parts than stand without one.
+        if _weigh(product, _list_promised(relation, again)) > _weigh(product, best.names):
+            task = build(again, longer, best)
+            if _is_better(product, task, best):
+                best = turn(task)
     return best
 
 
@@ -315,9 +323,52 @@ class _TaskBuilder:
         self._absent |= without
         if self._turning and rival is not None:
             self._later = _list_retried(rival)
+        return self._write_until_passed(cuts, trials, watch, rival)
+
+    def _write_until_passed(
+        self, cuts: Cuts, trials: TaskTrials, watch: Watch, rival: WrittenTask | None
+    ) -> WrittenTask:
         while (task := self._write(cuts, trials, watch, rival)) is None:
             trials.granted.clear()
             self._begin(self._bearing)
+        return task
+
+    def improve(
+        self,
+        task: WrittenTask,
+        absent: Collection[str],
+        cuts: Cuts,
+        trials: TaskTrials,
+        watch: Watch,
+    ) -> WrittenTask:
+        """Return a task with further parts as long as some were not examined, and time is left.
+
+        Parameters
+        ----------
+        absent
+            Names of parts that no task has.
+        """
+        while task.names and not watch.must_stop():
+            late = {
+                name
+                for name, reason in self._absent.items()
+                if reason.kind == "not examined" and name not in absent
+            }
+            if not late:
+                break
+            trials.renew()
+            self._absent = {n: why for n, why in self._absent.items() if n not in late}
+            self._leave_out({})
+            # The further parts may go in between the others.
+            rival = replace(task, skills=())
+            make = partial(self._write_until_passed, cuts, trials, watch, rival)
+            further = watch.attempt(make, _STOPPED_SHARES[0])
+            if further is None:
+                break
+            if not _is_better(self._product, further, task):
+                reasons = {n: further.left_out.get(n, why) for n, why in task.left_out.items()}
+                return task.explain(reasons)
+            task = further
         return task
 
     def _write(
@@ -531,13 +582,22 @@ class _TaskBuilder:
         self._bearing = replace(bearing, held=(*held, *more))
 
     def _is_in_same_poses(self) -> bool:
-        """Return whether all parts go in in the orientations that were begun with."""
-        now, first = self._bearing, self._first
-        names = list_placed(self._given, now, self._absent)
-        known = list_placed(self._given, first)
-        return now.ups == first.ups and all(
+        """Return whether all parts go in in the orientations that were begun with.
+
+        The last of them may be gone, unless the product does not turn any more.
+        """
+        now, first, given = self._bearing, self._first, self._given
+        names = list_placed(given, now, self._absent)
+        known = list_placed(given, first)
+        is_same = now.ups == first.ups[: len(now.ups)] and all(
             now.get_up(name) == first.get_up(name) for name in names & known
         )
+        if is_same and now.ups != first.ups:
+            is_same = bool(now.turned) and (
+                hold_mates(given, *now.ups).driven == self._relation.driven
+            )
+            self._first = now
+        return is_same
 
     def _judge(
         self, trial: Trial, names: Mapping[str, str], trials: TaskTrials

@@ -560,7 +560,10 @@ def lay_out_parts(
     if before is not None and _still_stands(parts, gripped, upright, items, holders, before):
         tray = _keep_places(parts, [*items.values()], robot, holders, before)
         if not tray.without:
-            return replace(before, tray=tray, feeders=feeders, holders=holders, raised=raised)
+            kept = before.upright.keep_turned(upright.turned.keys())
+            return replace(
+                before, upright=kept, tray=tray, feeders=feeders, holders=holders, raised=raised
+            )
     size_m = _measure_foot(parts, upright)[1]
     layout = lay_out_table(size_m, [*items.values()], robot, holders)
     without = tuple(
@@ -584,9 +587,9 @@ def _still_stands(
             [other.poses.index(other.of(part.name)) for part in parts]
             for other in (upright, before.upright)
         )
-        return (
-            known and len(upright.poses) == len(before.upright.poses) and next(turns) == next(turns)
-        )
+        # A station whose last orientations are gone stays as high as it was.
+        turns_still = 1 < len(upright.poses) <= len(before.upright.poses)
+        return known and turns_still and next(turns) == next(turns)
     lowest_m = min(float(before.upright.vertices(part)[:, 2].min()) for part in gripped)
     return abs(lowest_m) < _LEVEL_FEET_M
 
@@ -979,6 +982,11 @@ class WrittenTask:
     nest: TaskNest | None = None
     why_no_nest: str = ""
     station_nests: tuple[TaskNest, ...] = ()
+
+    def explain(self, left_out: Mapping[str, LeftOut]) -> WrittenTask:
+        """Return the task with other reasons of the parts outside it."""
+        text = format_task(self.document, left_out, self.limits)
+        return replace(self, left_out=left_out, files={**self.files, "product.yaml": text})
 
     @property
     def in_place(self) -> tuple[str, ...]:

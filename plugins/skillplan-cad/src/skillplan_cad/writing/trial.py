@@ -154,6 +154,11 @@ class TaskTrials:
         """True once parts are left out rather than tried with further tools."""
         return self.is_late or self._is_over(_RETOOLED_SHARE)
 
+    def renew(self) -> None:
+        """Try parts in the first part of the time that is left, in the order of the plan."""
+        self._watch.renew()
+        self.is_late, self._is_cut, self._found = False, False, ()
+
     def forget(self, *names: str) -> None:
         """Try parts and screws again."""
         self.granted -= {*names}

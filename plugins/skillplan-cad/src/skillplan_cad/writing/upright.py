@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,12 @@ class Upright:
     def of(self, name: str) -> Upright:
         """Return the pose of the product when a part goes in."""
         return self.turned.get(name, self)
+
+    def keep_turned(self, names: AbstractSet[str]) -> Upright:
+        """Return the same pose for fewer parts that go in after turns."""
+        if names >= self.turned.keys():
+            return self
+        return replace(self, turned={n: pose for n, pose in self.turned.items() if n in names})
 
     @property
     def poses(self) -> tuple[Upright, ...]:

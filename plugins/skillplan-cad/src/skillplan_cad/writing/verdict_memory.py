@@ -47,7 +47,7 @@ class VerdictMemory:
             return True
         changed = _list_changed(task.scene, before.scene)
         (robot,), (known,) = task.scene.robots, before.scene.robots
-        is_same_cell = _describe_cell(task.scene) == _describe_cell(before.scene)
+        is_same_cell = _describe_cell(task.scene, task) == _describe_cell(before.scene, task)
         if (changed and not boldly) or not is_same_cell or not _is_same_arm(robot, known):
             return True
         usable_bits = _list_usable(task, robot, known, changed).bits
@@ -114,9 +114,21 @@ def _list_usable(task: Task, robot: Robot, before: Robot, changed: Collection[st
     return task.facts.of(*(name for name in task.facts.names if name not in other))
 
 
-def _describe_cell(scene: Scene) -> tuple[object, ...]:
-    """Return all of a scene but its bodies; their placements tell what turns with workholders."""
-    workholders = [replace(workholder, carries=()) for workholder in scene.workholders]
+def _describe_cell(scene: Scene, task: Task) -> tuple[object, ...]:
+    """Return a scene without its bodies, whose placements tell what turns with workholders.
+
+    Orientations count only if a task has them.
+    """
+    workholders = [
+        replace(
+            workholder,
+            carries=(),
+            orientations={
+                f: pose for f, pose in workholder.orientations.items() if f in task.facts
+            },
+        )
+        for workholder in scene.workholders
+    ]
     return scene.frames, scene.zones, workholders
 
 
