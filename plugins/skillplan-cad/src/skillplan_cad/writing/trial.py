@@ -458,10 +458,10 @@ def _sort_issues(issues: Iterable[Issue]) -> dict[str, str]:
 
 
 def _list_supports(config: AssemblyConfig, name: str) -> list[str]:
-    """Return the parts that must be in place before a part or screw."""
+    """Return the parts and screws that must be in place before a part or screw."""
+    supports = _list_earlier(config, name)
     if name in config.screws:
-        return [config.screws[name].through]
-    supports: list[str] = []
+        return [*supports, config.screws[name].through]
     waiting = [name]
     while waiting:
         for other in config.parts[waiting.pop()].goal_on or ():
@@ -469,6 +469,18 @@ def _list_supports(config: AssemblyConfig, name: str) -> list[str]:
                 supports.append(other)
                 waiting.append(other)
     return supports
+
+
+def _list_earlier(config: AssemblyConfig, name: str) -> list[str]:
+    """Return the parts and screws that go in before the turn to the orientation of one."""
+    goes_in = {part: entry.orientation for part, entry in config.parts.items()}
+    goes_in |= {screw: entry.orientation for screw, entry in config.screws.items()}
+    for workholder in config.workholders.values():
+        names, own = [*workholder.orientations], goes_in[name]
+        if workholder.in_order and own in names:
+            earlier = names[: names.index(own)]
+            return [other for other, orientation in goes_in.items() if orientation in earlier]
+    return []
 
 
 def _list_motions(task: Task, name: str) -> tuple[object, ...]:
