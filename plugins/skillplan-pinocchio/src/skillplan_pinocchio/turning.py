@@ -7,12 +7,14 @@ so it cannot pass an obstacle between two measurements.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import coal
 import numpy as np
+from numpy.typing import NDArray
 
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Body, Scene, Workholder
@@ -35,6 +37,9 @@ from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotion
 _LEAST_STEP_M = 1e-4
 _STILL = coal.Transform3s()
 
+# Lower and upper corner [m].
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+
 
 @dataclass(frozen=True)
 class Standing:
@@ -51,6 +56,28 @@ class Standing:
     name: str
     fact: str | None
     geometries: tuple[tuple[Any, Any], ...]
+
+    @cached_property
+    def boxes(self) -> tuple[Box, ...]:
+        """Boxes around the geometries."""
+        return tuple(_find_box(geometry, at) for geometry, at in self.geometries)
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A piece that turns, and how far it gets.
+
+    Parameters
+    ----------
+    path_m
+        Length of the path of its fastest point, at most [m].
+    box
+        Box that it does not leave.
+    """
+
+    piece: ConvexPiece
+    path_m: float
+    box: Box
 
 
 @dataclass(frozen=True)
@@ -72,35 +99,59 @@ class Turning:
         pose = self.workholder.turn(self.begin, self.end, share)
         return coal.Transform3s(np.array(pose.rotation), np.array(pose.position))
 
-    def measure_speed_m(self, piece: ConvexPiece) -> float:
-        """Return the path of the fastest point of a piece over the turn, at most [m]."""
+    def find_reach(self, pieces: Sequence[ConvexPiece]) -> tuple[Reach, ...]:
+        """Return how far pieces get: each corner moves on an arc about the axis, which shifts."""
         half = self.workholder.turn(self.begin, self.end, 0.5)
         whole = self.workholder.turn(self.begin, self.end, 1.0)
         x, y, z, w = half.orientation
         angle_rad = 4 * math.atan2(math.hypot(x, y, z), abs(w))
-        start = np.array(self.workholder.orientations[self.begin].apply(self.workholder.pivot))
-        x_m, y_m, z_m = start.tolist()
-        shift_m = math.dist(whole.apply((x_m, y_m, z_m)), (x_m, y_m, z_m))
-        if angle_rad == 0.0:
-            return shift_m
-        axis = np.array([x, y, z]) / math.hypot(x, y, z)
-        away = np.linalg.norm(np.cross(piece.corners - start, axis), axis=1)
-        return angle_rad * float(away.max()) + shift_m
+        start = self.workholder.orientations[self.begin].apply(self.workholder.pivot)
+        shift = np.subtract(whole.apply(start), start)
+        axis = np.array([x, y, z]) / (math.hypot(x, y, z) or 1.0)
+        reaches = []
+        for piece in pieces:
+            away = piece.corners - start
+            radii_m = np.linalg.norm(np.cross(away, axis), axis=1) * (angle_rad > 0.0)
+            middles = start + np.outer(away @ axis, axis) if angle_rad > 0.0 else piece.corners
+            half_m = np.outer(radii_m, np.sqrt(np.maximum(0.0, 1.0 - axis**2)))
+            low = (middles - half_m).min(axis=0) + np.minimum(shift, 0.0)
+            high = (middles + half_m).max(axis=0) + np.maximum(shift, 0.0)
+            path_m = angle_rad * float(radii_m.max()) + float(np.linalg.norm(shift))
+            reaches.append(Reach(piece, path_m, (low, high)))
+        return tuple(reaches)
 
     def find_touch(
-        self, piece: ConvexPiece, other: Any, other_at: Any, tolerance_m: float
+        self, reach: Reach, other: Any, other_at: Any, tolerance_m: float
     ) -> Touch | None:
         """Return the first contact of a piece that turns with a geometry, or None."""
-        speed_m = self.measure_speed_m(piece)
         share = 0.0
         while True:
-            near = measure_geometry_distance(piece.hull, self.at(share), other, other_at)
+            near = measure_geometry_distance(reach.piece.hull, self.at(share), other, other_at)
             if near.distance_m < -tolerance_m:
                 return Touch(share, near.position, round(-near.distance_m, 6))
-            if share >= 1.0 or speed_m == 0.0:
+            if share >= 1.0 or reach.path_m == 0.0:
                 return None
             step_m = max(near.distance_m + tolerance_m, _LEAST_STEP_M)
-            share = min(1.0, share + step_m / speed_m)
+            share = min(1.0, share + step_m / reach.path_m)
+
+
+def _find_box(geometry: Any, at: Any) -> Box:
+    """Return the box around a geometry of coal."""
+    geometry.computeLocalAABB()
+    low, high = geometry.aabb_local.min_, geometry.aabb_local.max_
+    middle = at.transform((low + high) / 2)
+    half = np.abs(at.getRotation()) @ (high - low) / 2
+    return middle - half, middle + half
+
+
+def _join_boxes(boxes: Sequence[Box]) -> Box:
+    lows, highs = (np.array([box[end] for box in boxes]).reshape(-1, 3) for end in (0, 1))
+    return lows.min(axis=0, initial=np.inf), highs.max(axis=0, initial=-np.inf)
+
+
+def _may_meet(box: Box, other: Box) -> bool:
+    """Return whether two boxes overlap."""
+    return bool((box[0] < other[1]).all() and (other[0] < box[1]).all())
 
 
 class Turns:
@@ -127,9 +178,7 @@ class Turns:
         collisions = [
             collision
             for body, fact, pieces in self._list_turning(begin)
-            for other in standing
-            if other.name != body.name
-            for collision in self._meet(turning, body.name, fact, pieces, other, "the turn")
+            for collision in self._meet(turning, body.name, fact, pieces, standing, "the turn")
         ]
         return tuple(sorted(collisions, key=lambda item: float(item.evidence["fraction"])))
 
@@ -137,15 +186,13 @@ class Turns:
         """Yield the collisions of the jaws of a holder that closes on a part."""
         closed = next(item for item in self.scene.holders if item.name == holder).facts[part]
         still = Turning(Workholder("", (0.0, 0.0, 0.0), {"": Pose((0.0, 0.0, 0.0))}), "", "")
+        standing = [
+            _make_standing(obstacle) for obstacle in self.planner.obstacles if obstacle.zone is None
+        ]
         for body, fact, pieces in self._list_turning(closed):
-            terms = fact.split(AND)
-            for obstacle in self.planner.obstacles:
-                if obstacle.body == body.name or obstacle.zone is not None:
-                    continue
-                # Jaws are not there before they close.
-                around = AND.join(term for term in terms if term != closed)
-                other = _make_standing(obstacle)
-                yield from self._meet(still, body.name, around, pieces, other, "closing")
+            # Jaws are not there before they close.
+            around = AND.join(term for term in fact.split(AND) if term != closed)
+            yield from self._meet(still, body.name, around, pieces, standing, "closing")
 
     def release(
         self, builder: SweptMotionBuilder, holder: str, part: str, state: State
@@ -211,32 +258,38 @@ class Turns:
         name: str,
         fact: str,
         pieces: Sequence[ConvexPiece],
-        other: Standing,
+        standing: Iterable[Standing],
         during: str,
     ) -> Iterator[Collision]:
-        """Yield the first collision of a body with a standing one, if there is any."""
-        touches = [
-            touch
-            for piece in pieces
-            for geometry, at in other.geometries
-            if (touch := turning.find_touch(piece, geometry, at, self.planner.tolerance_m))
-        ]
-        if not touches:
-            return
-        touch = min(touches, key=lambda item: item.fraction)
-        facts = [term for term in (fact, other.fact) if term]
-        yield Collision(
-            AND.join(facts) or None,
-            f"{name} runs into {other.name} on {during}",
-            {
-                "moving": name,
-                "bodies": [other.name],
-                "during": during,
-                "position_m": list(touch.position),
-                "fraction": touch.fraction,
-                "penetration_m": touch.penetration_m,
-            },
-        )
+        """Yield the first collisions of a body with standing ones."""
+        reaches = turning.find_reach(pieces)
+        box = _join_boxes([reach.box for reach in reaches])
+        for other in standing:
+            if other.name == name or not _may_meet(box, _join_boxes(other.boxes)):
+                continue
+            touches = [
+                touch
+                for reach in reaches
+                for (geometry, at), own in zip(other.geometries, other.boxes, strict=True)
+                if _may_meet(reach.box, own)
+                and (touch := turning.find_touch(reach, geometry, at, self.planner.tolerance_m))
+            ]
+            if not touches:
+                continue
+            touch = min(touches, key=lambda item: item.fraction)
+            facts = [term for term in (fact, other.fact) if term]
+            yield Collision(
+                AND.join(facts) or None,
+                f"{name} runs into {other.name} on {during}",
+                {
+                    "moving": name,
+                    "bodies": [other.name],
+                    "during": during,
+                    "position_m": list(touch.position),
+                    "fraction": touch.fraction,
+                    "penetration_m": touch.penetration_m,
+                },
+            )
 
 
 def _make_standing(obstacle: Obstacle) -> Standing:
