@@ -100,6 +100,24 @@ def test_the_product_stands_on_its_next_part_if_the_lowest_one_is_left_out():
     assert bearing.why_not["rivet"].kind == "closed in"
 
 
+def test_a_closed_frame_lacks_one_beam_only():
+    """Each corner takes the ends of two beams, one in x and one in y, so no last part goes in."""
+    beam_x, beam_y = box(18, 4, 2, 52, 12, 10), box(4, 18, 2, 12, 52, 10)
+    beams = {"south": beam_x, "north": beam_x.translate([0, 54, 0])}
+    beams |= {"west": beam_y, "east": beam_y.translate([54, 0, 0])}
+    corners = {}
+    for name, x, y in (("sw", 0, 0), ("se", 50, 0), ("nw", 0, 50), ("ne", 50, 50)):
+        corners[name] = box(x, y, 0, x + 20, y + 20, 16)
+        for beam in beams.values():
+            corners[name] -= beam
+    product = product_of(**corners, **beams)
+    bearing = find_bearing(product, related(product), UP, holding=True)
+    assert len(bearing.order) == 7
+    ((name, reason),) = bearing.why_not.items()
+    assert name in beams
+    assert reason.kind == "closed in"
+
+
 def test_what_stands_by_itself_is_not_held():
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     assert find_bearing(product, related(product), UP, holding=True).held == ()

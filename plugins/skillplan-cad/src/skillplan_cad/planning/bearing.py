@@ -3,15 +3,17 @@
 The arm releases a placed part, so contact forces of the table and of parts placed before must keep
 it there, or else a support of its own, if those are allowed: as few as can be. The order is sought
 backwards: a part is taken away upwards or sideways as soon as no other is in its way and no other
-needs it. A part that is never free in this way is left out.
+needs it. A part that is never free in this way is left out. If parts lock each other, an order is
+also built forwards, and the one with more parts is taken.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, reduce
 from heapq import heappop, heappush
+from operator import and_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -383,8 +385,62 @@ class _Standing:
             borne = self._support(near, ground, undriven)
             bearing = self._order(borne, ground, undriven)
             if len(bearing.order) > len(best.order) - bool(self._turning):
-                return bearing
+                best = bearing
+        if any(reason.kind in ("closed in", "from below") for reason in best.why_not.values()):
+            ground = self._find_ground(self._parts, undriven)
+            placed, closed_in = self._build_up(ground)
+            bearing = self._order(placed, ground, undriven | closed_in)
+            fewer = len(bearing.order) <= len(best.order)
+            if not fewer and bearing.undriven.keys() <= best.undriven.keys():
+                best = bearing
         return best
+
+    def _build_up(self, ground: float) -> tuple[list[str], dict[str, LeftOut]]:
+        """Return parts that come one by one past those before them, and those shut out by them.
+
+        Few of the parts that lock each other are left out, as a part that shuts out others comes
+        late.
+        """
+        self._held = set(self._turning)
+        placed, there, waiting = list[str](), 0, {self._numbers[name] for name in self._parts}
+        while (number := self._choose_next(waiting, there, ground)) is not None:
+            name = self._relation.names[number]
+            if not self._stays(name, there, ground):
+                self._held.add(name)
+            placed.append(name)
+            waiting.discard(number)
+            there |= 1 << number
+        return placed, {
+            name: self._explain_closed_in(name, there)
+            for name in self._parts
+            if self._numbers[name] in waiting
+            and all(way & there for way in self._list_blockers(self._numbers[name], name))
+        }
+
+    def _choose_next(self, waiting: Collection[int], there: int, ground: float) -> int | None:
+        """Return the part that shuts out least, one next to placed ones before one on the table.
+
+        What it shuts out counts by the parts that touch that.
+        """
+        able, lost = list[int](), dict.fromkeys(waiting, 0)
+        for number in sorted(waiting):
+            name = self._relation.names[number]
+            free = [way for way in self._list_blockers(number, name) if not way & there]
+            if free and (
+                (self._holding and there & self._touched[name]) or self._stays(name, there, ground)
+            ):
+                able.append(number)
+            # Each of these would be in its way in all directions.
+            for other in list_members(reduce(and_, free)) if free else ():
+                if other in lost:
+                    lost[other] += len(self._linked[name])
+
+        def rate(number: int) -> tuple[int, bool, bool, int]:
+            name = self._relation.names[number]
+            is_apart = bool(there) and not there & self._touched[name]
+            return lost[number], is_apart, not self._stays(name, there, ground), number
+
+        return min(able, key=rate, default=None)
 
     def _find_ground(self, present: Collection[str], lost: Collection[str]) -> float:
         """Return the lowest height, without what left-out parts cut off from the largest group."""

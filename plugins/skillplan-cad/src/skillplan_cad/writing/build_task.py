@@ -379,7 +379,7 @@ class _TaskBuilder:
             parts, bearing = self._product.parts, self._bearing
             upright = place_turned(parts, bearing.ups, bearing.turned, (0.0, 0.0))
             self._proof = PieceProof(
-                self._product, self._relation, self._plan, bearing.order, upright, cuts, watch
+                self._product, self._relation, self._plan, upright, cuts, watch
             )
         least_weight = 0.0 if rival is None else _weigh(self._product, rival.names)
         while True:

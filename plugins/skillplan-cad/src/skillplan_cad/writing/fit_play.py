@@ -116,8 +116,6 @@ class FitPlay:
         Its contacts have the clearances as drawn.
     fits
         Cylinders in holes of the product.
-    order
-        Parts in the order of the task; others follow in that of the plan.
     """
 
     def __init__(
@@ -127,9 +125,39 @@ class FitPlay:
         plan: AssemblyPlan,
         upright: Upright,
         fits: Sequence[CylinderFit],
-        order: Sequence[str],
     ) -> None:
-        self._product, self._upright = product, upright
+        self._product, self._relation, self._plan = product, relation, plan
+        self._upright = upright
+        self._touched: dict[str, list[str]] = {}
+        for contact in relation.contacts:
+            for name, other in (contact.parts, contact.parts[::-1]):
+                self._touched.setdefault(name, []).append(other)
+        self._solids: dict[tuple[str, Upright], manifold3d.Manifold] = {}
+        drawn = [
+            (product.parts[fit.inner].name, product.parts[fit.outer].name, fit.radius_difference_m)
+            for fit in fits
+        ]
+        drawn += [
+            (*contact.parts, contact.radius_difference_m)
+            for contact in relation.contacts
+            if contact.radius_difference_m is not None
+        ]
+        # Depths of press fits, by the names of both parts [m].
+        self.overlaps_m = {
+            frozenset(contact.parts): contact.fit.depth_m
+            for contact in relation.contacts
+            if contact.fit is not None and contact.kind != "thread"
+        }
+        # Clearances as drawn, by the names of both parts [m].
+        self.drawn_m: dict[frozenset[str], float] = {}
+        for first, second, clearance_m in drawn:
+            pair = frozenset((first, second))
+            self.drawn_m[pair] = min(clearance_m, self.drawn_m.get(pair, clearance_m))
+        self.follow(())
+
+    def follow(self, order: Sequence[str]) -> None:
+        """Take an order of the task; parts that are not in it follow in that of the plan."""
+        relation, upright, plan = self._relation, self._upright, self._plan
         self._along = {
             name: upright.of(name).vector(step.along) for step in plan.steps for name in step.parts
         }
@@ -152,27 +180,15 @@ class FitPlay:
                 # Parts of a group are not in the relation of the product that has it as one part.
                 if other in relation.names and not blockers & encode_set([relation.index(other)])
             ]
-        self._solids: dict[tuple[str, Upright], manifold3d.Manifold] = {}
-        drawn = [
-            (product.parts[fit.inner].name, product.parts[fit.outer].name, fit.radius_difference_m)
-            for fit in fits
-        ]
-        drawn += [
-            (*contact.parts, contact.radius_difference_m)
-            for contact in relation.contacts
-            if contact.radius_difference_m is not None
-        ]
-        # Depths of press fits, by the names of both parts [m].
-        self.overlaps_m = {
-            frozenset(contact.parts): contact.fit.depth_m
-            for contact in relation.contacts
-            if contact.fit is not None and contact.kind != "thread"
-        }
-        # Clearances as drawn, by the names of both parts [m].
-        self.drawn_m: dict[frozenset[str], float] = {}
-        for first, second, clearance_m in drawn:
-            pair = frozenset((first, second))
-            self.drawn_m[pair] = min(clearance_m, self.drawn_m.get(pair, clearance_m))
+
+    def describe(self, name: str) -> dict[str, tuple[bool, Vector | None]]:
+        """Return the directions of a part and of those that it touches, and which come before it.
+
+        Only parts of the order are among these.
+        """
+        before, there = {*self._before.get(name, ())}, {*self._order}
+        touched = {name, *(other for other in self._touched.get(name, ()) if other in there)}
+        return {other: (other in before, self._along.get(other)) for other in touched}
 
     def list_moves(self, name: str) -> list[tuple[str, Floats]]:
         """Return the other parts in the order of the task with their move past a part in its pose.

@@ -107,9 +107,7 @@ class PieceProof:
     Parameters
     ----------
     product, relation, plan
-        True meshes, their blockings, and the order of the parts.
-    order
-        Parts in the order of the task, which may differ from that of the plan.
+        True meshes, their blockings, and the planned order of the parts.
     upright
         Pose of the product.
     cuts
@@ -123,18 +121,17 @@ class PieceProof:
         product: Product,
         relation: Relation,
         plan: AssemblyPlan,
-        order: Sequence[str],
         upright: Upright,
         cuts: Cuts,
         watch: Watch,
     ) -> None:
         self._product, self._relation, self._upright = product, relation, upright
         self._watch = watch
-        self._play = FitPlay(product, relation, plan, upright, cuts.fits, order)
-        play = self._play
+        self._play = play = FitPlay(product, relation, plan, upright, cuts.fits)
         lanes = Lanes(product, relation, upright, play.list_moves, play.drawn_m, play.overlaps_m)
         self._cutter = _Cutter(upright, lanes, cuts)
         self._meshes: dict[str, Sequence[Mesh]] = {}
+        self._pieces: dict[str, tuple[Pieces, ...]] = {}
         self._loosened: dict[str, Loosened] = {}
         self._wrong: tuple[Difference, ...] = ()
         self._fine: set[str] = set()
@@ -143,6 +140,7 @@ class PieceProof:
         self,
         meshes: Mapping[str, Sequence[Mesh]],
         list_jaws: Callable[[], Mapping[str, Sequence[Points]]],
+        order: Sequence[str],
     ) -> ProvedPieces:
         """Return the pieces of some parts, without those that are not cut in their share of time.
 
@@ -154,7 +152,10 @@ class PieceProof:
             Meshes by part name, upright, relative to the centre of the part's bottom [m].
         list_jaws
             Returns the spaces that jaws take by part name, in the same frame; see `Lanes.find`.
+        order
+            Parts in the order of the task, which may differ from that of the plan.
         """
+        self._follow(order)
         new = [name for name in meshes if name not in self._loosened]
         jaws = list_jaws() if new else {}
         new.sort(key=lambda name: sum(len(triangles) for _, triangles in meshes[name]))
@@ -176,6 +177,17 @@ class PieceProof:
             self._fine |= coarse
             self._cut_finer(coarse)
         return self._list_proved().of(meshes)
+
+    def _follow(self, order: Sequence[str]) -> None:
+        """Loosen parts anew that go in differently now, as other parts are left out."""
+        there = [name for name in order if name in self._loosened]
+        before = {name: self._play.describe(name).items() for name in there}
+        self._play.follow(order)
+        stale = [name for name in there if self._play.describe(name).items() - before[name]]
+        for name in stale:
+            self._loosen(name, self._pieces[name])
+        if stale:
+            self._test(stale)
 
     def _cut_finer(self, names: Collection[str]) -> None:
         """Cut the pieces of some parts anew, unless they are as many as they may be."""
@@ -203,7 +215,7 @@ class PieceProof:
 
     def _loosen(self, name: str, pieces: tuple[Pieces, ...]) -> None:
         """Keep the pieces of a part with play beside the parts that are in place before."""
-        part = self._get_part(name)
+        part, self._pieces[name] = self._get_part(name), pieces
         self._loosened[name] = self._play.loosen(part, pieces)
 
     def _test(self, names: Collection[str]) -> None:

@@ -1099,7 +1099,9 @@ class TaskWriter:
         }
         meshes = self.shared.of_part
         proved = proof.prove(
-            {part.name: meshes[part.name] for part in self.gripped}, self._list_jaw_spaces
+            {part.name: meshes[part.name] for part in self.gripped},
+            self._list_jaw_spaces,
+            self.bearing.order,
         )
         self._add_pieces(proved, parts, files)
         up, names = self.bearing.up, self.names
