@@ -64,7 +64,7 @@ def test_without_a_stuck_part_the_others_come_together():
 
 def test_when_time_is_over_no_path_is_searched_and_what_needs_one_is_left_out():
     product, relation = keyed(TUNNEL - box(25, 5, 3, 35, 40, 9))
-    plan = cad.Planner(product, relation, watch=cad.Watch(must_stop=lambda: True)).plan()
+    plan = cad.Planner(product, relation, watch=cad.Watch(must_stop=lambda share: True)).plan()
     assert [step.parts for step in plan.steps] == [("lid",)]
     (stuck,) = plan.stuck
     assert (stuck.part, stuck.search.outcome) == ("key", "not searched")

@@ -287,7 +287,7 @@ def test_a_turned_task_without_a_known_order_replaces_none_with_an_order():
     known = related(product)
     plan = Planner(product, known).plan()
     bearing = find_bearing(product, known, UP, holding=True)
-    watch = Stopped(must_stop=lambda: len(searches) > 1)
+    watch = Stopped(must_stop=lambda share: len(searches) > 1)
     task = build_task(
         product, known, plan, bearing=bearing, holding=True, turning=True, watch=watch
     )

@@ -229,7 +229,7 @@ def test_parts_that_passed_their_trial_are_written_if_time_is_over(screwed, scre
         return None if share < 1 else made
 
     task = cad.build_task(
-        *screwed, watch=cad.Watch(must_stop=lambda: bool(shares[1:]), attempt=attempt)
+        *screwed, watch=cad.Watch(must_stop=lambda share: bool(shares[1:]), attempt=attempt)
     )
     assert task.names == screwed_task.names
     assert len(shares) == 2
@@ -452,7 +452,7 @@ class StoppedSearch(cad.Watch):
     def report(self, text):
         self.searches |= "finding an order" in text
 
-    def is_over(self):
+    def is_over(self, share):
         self.left -= self.searches
         return self.left < 0
 

@@ -219,7 +219,7 @@ def import_cad(
         raise OptionError(_describe_missing_base(settings.base, relation))
     with stopping() as must_stop:
         planning, writing = (
-            Watch(tell, partial(must_stop, share), attempt, measure_share)
+            Watch(tell, must_stop, attempt, measure_share, share)
             for share in (_PLANNING_SHARE, _WRITING_SHARE)
         )
         plan = plan_product(path, findings, settings, planning, writing)

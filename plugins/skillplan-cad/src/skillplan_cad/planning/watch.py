@@ -33,21 +33,25 @@ class Watch:
     tell
         Prints a line.
     must_stop
-        Returns True once the time is over, or after Ctrl-C.
+        Returns True once a share of the time limit is over, or after Ctrl-C.
     attempt
         Calls a function and returns its value, or None if a share of the time limit is over before.
     measure_share
         Returns the share of the time limit that is over.
+    stop_share
+        Share after which the stage stops.
     """
 
     def __init__(
         self,
         tell: Callable[[str], None] = lambda line: None,
-        must_stop: Callable[[], bool] = lambda: False,
+        must_stop: Callable[[float], bool] = lambda share: False,
         attempt: Attempt = call_at_once,
         measure_share: Callable[[], float] = lambda: 0.0,
+        stop_share: float = 1.0,
     ) -> None:
-        self.tell, self.must_stop = tell, must_stop
+        self.tell = tell
+        self._must_stop, self._stop_share = must_stop, stop_share
         self._attempt, self._measure_share = attempt, measure_share
         self._begin_share = 0.0
         self._last_s = time.monotonic()
@@ -56,10 +60,16 @@ class Watch:
         """Let shares be shares of the time that is left, up to the end of the last stage."""
         self._begin_share = self._measure_share()
 
+    def _scale(self, share: float) -> float:
+        return share + self._begin_share * max(0.0, 1.0 - share / _END_SHARE)
+
+    def must_stop(self) -> bool:
+        """Return whether the time of the stage is over, or Ctrl-C was pressed."""
+        return self._must_stop(self._scale(self._stop_share))
+
     def attempt(self, make: Callable[[], _Made], share: float) -> _Made | None:
         """Call a function and return its value, or None if a share of the time is over before."""
-        over = self._begin_share * max(0.0, 1.0 - share / _END_SHARE)
-        return self._attempt(make, share + over)
+        return self._attempt(make, self._scale(share))
 
     def report(self, text: str) -> None:
         """Print a line, at most one in two seconds."""

@@ -375,7 +375,7 @@ class TaskTrials:
         missing = [name for name in task.operations if name not in order.parts]
         self._found = order.parts or self._found
         if order.parts and missing and not order.ended:
-            self._is_cut = must_stop is not self._watch.must_stop
+            self._is_cut = must_stop != self._watch.must_stop
             unordered = tuple(name for name in missing if name not in order.conflicts)
             return Trial(conflicts=order.conflicts, unordered=unordered)
         if order.conflicts:
