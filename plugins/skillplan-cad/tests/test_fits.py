@@ -442,19 +442,29 @@ def test_pins_and_pegs_of_real_fits_go_in_and_the_answer_says_with_which_play(
 
 
 def test_a_sleeve_over_a_post_and_blocks_side_by_side_have_play_and_chamfers_in_any_order(tmp_path):
-    """Slivers at the wall of a bore are thinner than the play, and either block may come last."""
+    """Slivers are thinner than the play, pieces meet at corners, and either block may come last."""
     cube, cylinder = manifold3d.Manifold.cube, manifold3d.Manifold.cylinder
     frame = cube((140, 70, 30), True).translate((10, 0, 15))
     frame -= cube((80, 40, 25), True).translate((0, 0, 17.5))
-    solids = {"frame": frame + cylinder(40, 6, 6, 36).translate((62, 0, 30))}
+    square = cube((6, 6, 40), True).translate((-50, 0, 50))
+    solids = {"frame": frame + cylinder(40, 6, 6, 36).translate((62, 0, 30)) + square}
     for name, x_mm in (("left", -20), ("right", 20)):
         solids[name] = cube((40, 40, 35), True).translate((x_mm, 0, 22.5))
     sleeve = cylinder(30, 9, 9, 44) - cylinder(30, 6, 6, 36)
     solids["sleeve"] = sleeve.translate((62, 0, 30))
+    cap = cube((18, 18, 18), True) - cube((18, 6, 6), True) - cube((6, 18, 6), True)
+    solids["cap"] = cap.translate((-50, 0, 39)) - square
     out = import_solids(tmp_path, solids, "--no-nests")
-    post = cylinder(30, 6, 6, 36)
-    pieces = read_bodies(out / "meshes/sleeve.pieces.obj")
-    assert min(piece.min_gap(post, 1.0) for piece in pieces) > 0.099
+    posts = {
+        "sleeve": cylinder(30, 6, 6, 36),
+        "cap": cube((6, 6, 18), True).translate((0, 0, 9)),
+    }
+    for name, post in posts.items():
+        # Within the play, too, corners of a pocket do not meet those of its post.
+        aside = post.translate((0.05, 0.05, 0))
+        pieces = read_bodies(out / f"meshes/{name}.pieces.obj")
+        assert min(piece.min_gap(post, 1.0) for piece in pieces) > 0.099
+        assert min(piece.min_gap(aside, 1.0) for piece in pieces) > 0.02
     for name in ("left", "right"):
         (block,) = read_bodies(out / f"meshes/{name}.pieces.obj")
         low, high = np.reshape(block.trim_by_plane((0, 0, -1), -0.01).bounding_box(), (2, 3))

@@ -7,7 +7,7 @@ which CAD often leaves out. Either part of a fit may come last, so both have cha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import manifold3d
@@ -39,6 +39,8 @@ _SIDEWAYS, _LEAST_MM3 = 0.1, 1e-3
 _STRAIGHT = 0.02
 # Smallest downward component of an underside's normal.
 _STEEP = 0.5
+# Distance of pieces that touch, and of planes that are one [mm].
+_NEXT_MM = 1e-3
 # Share by which a side shrinks towards its middle.
 _INWARD = 0.02
 # Largest share of a piece that a chamfer takes; least share of a thin piece with others behind it.
@@ -234,6 +236,7 @@ class FitPlay:
                     drawn_m = max(-self.overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
                 drawn_m = round(drawn_m, _DECIMALS) + 0.0
                 fits.append(Played(part.name, other, drawn_m, max(drawn_m, PLAY_M)))
+        _continue_sides(everything, along)
         pieces = tuple(
             tuple(_cut_pieces(mesh_hulls, own_pieces, along))
             for mesh_hulls, own_pieces in zip(hulls, meshes, strict=True)
@@ -268,6 +271,21 @@ class FitPlay:
             apart = (box[0] > high + room) | (low > box[1] + room)
             if not (apart & sideways).any() and not self._solid(name, own).is_empty():
                 yield name, others_along
+
+
+def _continue_sides(hulls: Sequence[_Hull], along: Floats) -> None:
+    """Note the sides that continue a noted one on the next piece, as at the corners of a pocket.
+
+    Within its play another part comes in front of them.
+    """
+    lows, highs = np.array([hull.low for hull in hulls]), np.array([hull.high for hull in hulls])
+    noted = [(hull, dict(hull.sides)) for hull in hulls if hull.sides]
+    for hull, sides in noted:
+        next_to = (lows < hull.high + _NEXT_MM).all(axis=1)
+        next_to &= (highs > hull.low - _NEXT_MM).all(axis=1)
+        for number in np.flatnonzero(next_to).tolist():
+            if hulls[number] is not hull:
+                hulls[number].note_like(sides, along)
 
 
 def _cut_pieces(hulls: Sequence[_Hull], pieces: Pieces, along: Floats) -> Iterator[Mesh]:
@@ -371,6 +389,16 @@ class _Hull:
             if not has_play:
                 gaps.append(gap)
         return gaps
+
+    def note_like(
+        self, sides: Mapping[tuple[float, float, float, float], float], along: Floats
+    ) -> None:
+        """Note the own sides that lie in the planes of noted sides of another piece."""
+        for normal, offset, _ in self._list_sides(along):
+            own = np.array([*normal, offset])
+            for key, gap in sides.items():
+                if np.abs(own - key).max() < _NEXT_MM:
+                    self.sides.setdefault((*normal.tolist(), offset), gap)
 
     def _list_sides(self, along: Floats) -> list[tuple[Floats, float, Points]]:
         """Return the facets that lie along a move: normal, offset and corners."""
