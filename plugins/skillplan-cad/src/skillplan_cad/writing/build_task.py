@@ -424,6 +424,9 @@ class _TaskBuilder:
             self._seat(writer, watch)
             self._names = writer.names
             task = writer.write(self._proof)
+            if self._places is None:
+                # Trials share the time that pieces leave.
+                trials.renew()
             self._places = writer.places
             unfinished = {part.name for part in writer.gripped} - task.pieces.pieces.keys()
             if unfinished:
