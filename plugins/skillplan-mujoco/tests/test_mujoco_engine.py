@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,15 @@ def test_a_part_is_picked_up_by_suction_and_set_down_within_a_tenth_of_a_millime
         assert verdict.is_feasible, verdict.reason
         assert not contacts(engine, query).is_infeasible
     assert all(abs(offset) < 0.1 for offset in verdict.evidence["offset_mm"])
+
+
+def test_parts_of_milligrams_are_listed_as_they_get_more_mass(task):
+    bodies = [
+        replace(body, mass_kg=2e-5) if body.name == "clock" else body for body in task.scene.bodies
+    ]
+    light = replace(task, scene=replace(task.scene, bodies=tuple(bodies)))
+    (words,) = set(MujocoEngine(light).not_checked()) - set(MujocoEngine(task).not_checked())
+    assert words == "parts as light as clock: each has the mass of 0.2 g"
 
 
 def test_friction_holds_a_part_between_the_jaws(engine, task):

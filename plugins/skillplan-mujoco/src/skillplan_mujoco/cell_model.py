@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -235,6 +235,8 @@ _SEARCH_STEPS, _SEARCH_TOLERANCE = 200, 1e-4
 _ASLEEP_M_PER_S = 1e-4
 # Number of bonds in addition to one per body.
 _MORE_BONDS = 8
+LEAST_KG = 2e-4
+"""Mass of lighter parts [kg]: the solver loses their contacts beside the masses of an arm."""
 # Memory of a model: parts of hundreds of pieces have thousands of contacts. Only used pages count.
 _MEMORY_BYTES = 512 * 2**20
 
@@ -348,6 +350,8 @@ def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
         for shape in body.shapes:
             set_contact(add_shape(spec, still, shape), friction)
         return
+    if body.mass_kg < LEAST_KG:
+        body = replace(body, mass_kg=LEAST_KG)
     part = spec.worldbody.add_body(name=body.name, pos=get_parking_position(number))
     part.add_freejoint()
     # MuJoCo refuses smaller moments of inertia.

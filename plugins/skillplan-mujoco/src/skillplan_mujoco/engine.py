@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body
 from skillplan.task.task import Task
 from skillplan_mujoco.cell import Cell
-from skillplan_mujoco.cell_model import build_cell_spec
+from skillplan_mujoco.cell_model import LEAST_KG, build_cell_spec
 from skillplan_mujoco.simulated_arm import SPRING_N_PER_M, SimulatedArm
 from skillplan_mujoco.world import World
 from skillplan_simulation.execution.workcell import Workcell
@@ -73,7 +73,7 @@ class MujocoEngine(PerformingEngine):
     """
 
     name = "mujoco"
-    version = "11"
+    version = "12"
     expected_s = 0.3
 
     class Options(SimulatingEngine.Options):
@@ -89,17 +89,22 @@ class MujocoEngine(PerformingEngine):
         return Workcell(self.task, settings, MujocoSimulator(self.task, settings))
 
     def not_checked(self) -> tuple[str, ...]:
-        """Add the springs on which the hand brings parts into fits; see :meth:`BackEnd`."""
+        """Add masses that are raised, and the springs of the wrist in fits; see :meth:`BackEnd`."""
         sentences = super().not_checked()
-        fits = [(body.name, fit) for body in self.task.scene.bodies for fit in body.fits]
-        on_springs = dict.fromkeys(name for name, fit in fits if not fit.is_led)
-        if not on_springs or self.options.control != "osc" or self.refuses() is not None:
+        if self.refuses() is not None:
             return sentences
-        names = (
-            f"{', '.join(list(on_springs)[:_SHOWN])}{' and others' * (len(on_springs) > _SHOWN)}"
-        )
+        bodies = self.task.scene.bodies
+        light = [body.name for body in bodies if body.mass_kg < LEAST_KG and not body.fixed]
+        if light:
+            least = f"each has the mass of {LEAST_KG * 1e3:g} g"
+            sentences = (*sentences, f"parts as light as {_list_first(light)}: {least}")
+        fits = [(body.name, fit) for body in bodies for fit in body.fits]
+        on_springs = list(dict.fromkeys(name for name, fit in fits if not fit.is_led))
+        if not on_springs or self.options.control != "osc":
+            return sentences
         stiffness = f"{SPRING_N_PER_M / 1e3:g} N/mm, as of a compliance device"
-        return (*sentences, f"how far the wrist yields in fits of {names}: it is on {stiffness}")
+        wrist = f"how far the wrist yields in fits of {_list_first(on_springs)}: it is on"
+        return (*sentences, f"{wrist} {stiffness}")
 
     @property
     def basis(self) -> Mapping[str, str]:
@@ -113,3 +118,8 @@ class MujocoEngine(PerformingEngine):
             "skillplan-simulation",
         ]
         return get_versions(*others)
+
+
+def _list_first(names: Sequence[str]) -> str:
+    """Return some of the names as a list."""
+    return f"{', '.join(names[:_SHOWN])}{' and others' * (len(names) > _SHOWN)}"

@@ -207,7 +207,7 @@ class SweptDetector(Detector):
     """A verdict on swept convex hulls of hand, load and links, on reach, and on supports."""
 
     name = "swept"
-    version = "2"
+    version = "3"
     expected_s = 0.005
     checks_arm = True
     removed_options: ClassVar[Mapping[str, RemovedDwell]] = {
@@ -246,7 +246,8 @@ class SweptDetector(Detector):
             default=0.001,
             ge=0,
             le=0.05,
-            description="height above its goal at which a part is released [m]",
+            description="height above its goal at which a part is released; less in proportion for "
+            "parts under 4 mm high [m]",
         )
         check_support: bool = Field(
             default=True,

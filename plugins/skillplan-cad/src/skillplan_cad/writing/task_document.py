@@ -322,6 +322,8 @@ Meshes = tuple[tuple[Points, Triangles], ...]
 
 # Friction between jaws and parts as in the engines. The margin covers off-centre grasps.
 _FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
+# Least force of finger tips [N]: parts of milligrams turn between jaws that press harder.
+_LEAST_TIPS_N = 1.0
 _LEAST_SAFE_M = 0.15
 _ABOVE_PRODUCT_M = 0.05
 
@@ -393,7 +395,8 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
         tools[name] = {"type": kind, "holder_m": list(holder)}
         if kind == "gripper":
             tools[name]["opening_m"] = hand.opening_m
-            tools[name]["force_n"] = _compute_grip_n(max(masses_kg), hand.force_n)
+            least_n = _LEAST_TIPS_N if name == TIPS else _LEAST_GRIP_N
+            tools[name]["force_n"] = _compute_grip_n(max(masses_kg), hand.force_n, least_n)
         if name == TIPS:
             tools[name]["jaw_profile_m"] = [list(row) for row in TIPS_PROFILE_M]
             tools[name]["clearance_m"] = TIPS_CLEARANCE_M
@@ -419,10 +422,10 @@ def _build_driver(name: str, driven: Mapping[str, Any], hand: Hand) -> dict[str,
     return {"length_m": round(length_m, 6), "bit_length_m": _BITS_M[level]}
 
 
-def _compute_grip_n(mass_kg: float, most_n: float) -> float:
-    """Return the force that lifts a mass by friction, in whole newtons, up to a limit."""
+def _compute_grip_n(mass_kg: float, most_n: float, least_n: float = _LEAST_GRIP_N) -> float:
+    """Return the force that lifts a mass by friction, in whole newtons, within limits."""
     needed_n = _GRIP_MARGIN * mass_kg * GRAVITY_M_PER_S2 / (2 * _FRICTION)
-    return float(min(most_n, max(_LEAST_GRIP_N, math.ceil(needed_n))))
+    return float(min(most_n, max(least_n, math.ceil(needed_n))))
 
 
 _DECIMALS = 7
