@@ -9,15 +9,16 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
+from typing import NamedTuple
 
 import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_cad.product import Points, Triangles, make_solid
-from skillplan_cad.writing.lanes import Lane, measure_thickness
+from skillplan_cad.writing.lanes import Lane, measure_depth_mm, measure_thickness
 
 Mesh = tuple[Points, Triangles]
 Pieces = tuple[Mesh, ...]
@@ -69,6 +70,15 @@ class Hollow:
     radius_m: float
 
 
+class _Uncut(NamedTuple):
+    """A body between cuts with its hull, its worst gap, and the lane in its hull."""
+
+    hull: manifold3d.Manifold
+    body: manifold3d.Manifold
+    gap: manifold3d.Manifold
+    lane: Lane | None
+
+
 def decompose_convex(
     vertices_m: Points,
     triangles: Triangles,
@@ -90,22 +100,23 @@ def decompose_convex(
     whole = make_solid(vertices_m, triangles)
     if whole.is_empty():
         return ()
-    waiting: list[tuple[float, int, *tuple[manifold3d.Manifold, ...]]] = []
+    waiting: list[tuple[float, int, _Uncut]] = []
     done: list[manifold3d.Manifold] = []
     numbers = count()
 
-    def add(bodies: Iterable[manifold3d.Manifold]) -> None:
+    def add(bodies: Iterable[manifold3d.Manifold], lane: Lane | None) -> None:
         for body in bodies:
             hull = body.hull()
-            excess, gap = _find_worst_gap(hull, body, allowed_m, lane)
+            own = None if lane is None else lane.crop(hull)
+            excess, gap = _find_worst_gap(hull, body, allowed_m, own)
             if excess <= 1:
                 done.append(hull)
             else:
-                heapq.heappush(waiting, (-excess, next(numbers), hull, body, gap))
+                heapq.heappush(waiting, (-excess, next(numbers), _Uncut(hull, body, gap, own)))
 
-    add(_list_bodies(whole))
+    add(_list_bodies(whole), lane)
     while waiting and len(done) + len(waiting) < _get_most(-waiting[0][0]):
-        _, _, hull, body, gap = heapq.heappop(waiting)
+        *_, (hull, body, gap, room) = heapq.heappop(waiting)
         halves = _cut(hull, body, gap, hollows)
         bodies = [
             own
@@ -115,11 +126,11 @@ def decompose_convex(
             if measure_thickness(own) > _SHEER_MM
         ]
         if bodies and len(done) + len(waiting) + len(bodies) <= _MOST_OF_ALL:
-            add(bodies)
+            add(bodies, room)
         else:
             # No cut is possible, or its halves fall into more bodies than there is room for.
             done.append(hull)
-    done += [hull for _, _, hull, _, _ in waiting]
+    done += [uncut.hull for _, _, uncut in waiting]
     return tuple(piece for piece in map(build_mesh, done) if piece is not None)
 
 
@@ -145,11 +156,16 @@ def measure_excess_m(
     if lane is None:
         return 0.0
     whole, deepest_mm = make_solid(vertices_m, triangles), 0.0
-    for points, _ in pieces:
-        hull = manifold3d.Manifold.hull_points(points * _TO_MM)
-        if measure_thickness(hull ^ lane.solid) > _FILM_MM:
-            gaps = (hull - whole).decompose()
-            deepest_mm = max(deepest_mm, *map(lane.measure_reach_mm, gaps), 0.0)
+    hulls = [manifold3d.Manifold.hull_points(points * _TO_MM) for points, _ in pieces]
+    spaces = [hull ^ lane.solid for hull in hulls]
+    # No gap reaches deeper than the space that a hull takes of the lane.
+    bounds_mm = list(map(measure_depth_mm, spaces))
+    for number in np.argsort(bounds_mm)[::-1].tolist():
+        if bounds_mm[number] <= deepest_mm:
+            break
+        if measure_thickness(spaces[number]) > _FILM_MM:
+            own, gaps = replace(lane, solid=spaces[number]), (hulls[number] - whole).decompose()
+            deepest_mm = max(deepest_mm, *map(own.measure_reach_mm, gaps), 0.0)
     return deepest_mm / _TO_MM
 
 
@@ -182,16 +198,22 @@ def _find_worst_gap(
     allowed_m: float,
     lane: Lane | None,
 ) -> tuple[float, manifold3d.Manifold]:
-    """Return the largest excess of a gap as a share of the allowed one, and the gap."""
+    """Return the largest excess of a gap as a share of the allowed one, and the gap.
+
+    Parameters
+    ----------
+    lane
+        The lane in the hull.
+    """
     worst, where = 0.0, body
-    is_free = lane is None or measure_thickness(hull ^ lane.solid) <= _FILM_MM
+    is_free = lane is None or measure_thickness(lane.solid) <= _FILM_MM
     for gap in (hull - body).decompose():
         excess = 0.0
         if lane is not None and not is_free:
             reach = lane.measure_reach_mm(gap) / _TO_MM / min(lane.allowed_m, allowed_m)
             # No part goes into a hole that is not cut to the end.
             excess = _FIRST * reach if reach > 1 else 0.0
-        if lane is not None and not excess:
+        if lane is not None and not excess and not lane.jaws.is_empty():
             reach = 2 * measure_thickness(gap ^ lane.jaws) / _TO_MM / allowed_m
             excess = _SECOND * reach if reach > 1 else 0.0
         sides_mm = np.ptp(np.reshape(gap.bounding_box(), (2, 3)), axis=0)

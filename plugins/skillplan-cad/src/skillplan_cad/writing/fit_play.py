@@ -223,10 +223,10 @@ class FitPlay:
         for other, others_along in self._find_near(part, low, high, along, bottom):
             shift = -bottom * _TO_MM
             solid = self._solid(other, own).translate(tuple(shift.tolist()))
+            passing = _list_passing(everything, solid, along)
+            near = _crop_to_ways(solid, passing) if passing else solid
             gaps_mm = [
-                gap
-                for hull, back in _list_passing(everything, solid, along)
-                for gap in hull.face(solid, along, back, others_along)
+                gap for hull, back in passing for gap in hull.face(near, along, back, others_along)
             ]
             if gaps_mm:
                 pair = frozenset((part.name, other))
@@ -319,6 +319,17 @@ def _list_passing(
     return [(hulls[number], backs[number]) for number in passing.tolist()]
 
 
+def _crop_to_ways(
+    other: manifold3d.Manifold, passing: Sequence[tuple[_Hull, Floats]]
+) -> manifold3d.Manifold:
+    """Return the part of a solid in the box around pieces and their ways back."""
+    ends = np.array([[hull.low, hull.high, hull.low + b, hull.high + b] for hull, b in passing])
+    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+    room = _REACH_M * _TO_MM
+    box = manifold3d.Manifold.cube(tuple((high - low + 2 * room).tolist()))
+    return other ^ box.translate(tuple((low - room).tolist()))
+
+
 class _Hull:
     """A convex piece, and the distances that its sides keep from other parts [mm]."""
 
@@ -353,11 +364,7 @@ class _Hull:
             down rests on sides that point up; it has the play itself beside the other sides.
         """
         room = _REACH_M * _TO_MM
-        low = np.minimum(self.low, self.low + back) - room
-        high = np.maximum(self.high, self.high + back) + room
-        near = other ^ manifold3d.Manifold.cube(tuple((high - low).tolist())).translate(
-            tuple(low.tolist())
-        )
+        near = _crop_to_ways(other, [(self, back)])
         if near.is_empty():
             return []
         gaps, shape = [], near.to_mesh64().vert_properties[:, :3]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import manifold3d
 import numpy as np
@@ -64,6 +64,13 @@ class Lane:
     allowed_m: float
     jaws: manifold3d.Manifold
 
+    def crop(self, hull: manifold3d.Manifold) -> Lane:
+        """Return the part of the space in a hull."""
+        solid, jaws = self.solid ^ hull, self.jaws ^ hull
+        # Solids that are made when they are asked for would keep all that they are cut from.
+        solid.num_tri(), jaws.num_tri()
+        return replace(self, solid=solid, jaws=jaws)
+
     def frees_jaws(self, hulls: Iterable[Points]) -> bool:
         """Return whether convex pieces, given by their corners [m], leave room for the jaws."""
         return self.jaws.is_empty() or all(
@@ -74,9 +81,7 @@ class Lane:
 
     def measure_reach_mm(self, gap: manifold3d.Manifold) -> float:
         """Return the depth to which a gap of a piece is in the way of a part [mm]."""
-        parts = (gap ^ self.solid).decompose()
-        # A gap between the faces of a curved wall is a wedge.
-        reach_mm = 2 * max(map(measure_thickness, parts), default=0.0)
+        reach_mm = measure_depth_mm(gap ^ self.solid)
         is_recess = measure_thickness(gap) > _RECESS_MM
         return (
             0.0 if is_recess and reach_mm < 2 * _FURTHER * self.clearance_m * _TO_MM else reach_mm
@@ -97,6 +102,12 @@ class Lane:
 def measure_thickness(solid: manifold3d.Manifold) -> float:
     """Return the ratio of volume and half the surface, at most the thickness of a sheet [mm]."""
     return 0.0 if solid.is_empty() else 2 * float(solid.volume() / solid.surface_area())
+
+
+def measure_depth_mm(solid: manifold3d.Manifold) -> float:
+    """Return the greatest depth of the bodies of a solid in the way of a part [mm]."""
+    # A gap between the faces of a curved wall is a wedge.
+    return 2 * max(map(measure_thickness, solid.decompose()), default=0.0)
 
 
 class Lanes:
@@ -149,7 +160,7 @@ class Lanes:
         own = self._upright.of(part.name)
         room = np.array(concave.bounding_box()).reshape(2, 3)
         bottom = np.array(own.bottom(part))
-        space, widest_m = manifold3d.Manifold(), 0.0
+        spaces, widest_m = list[manifold3d.Manifold](), 0.0
         for other, along in self._list_moves(part.name):
             pair = frozenset((part.name, other.name))
             drawn_m = self._drawn_m.get(pair, 0.0)
@@ -158,22 +169,20 @@ class Lanes:
             corners, is_convex = self._list_corners(other)
             moved = corners @ own.matrix.T + shift
             swept = _sweep_faces(moved, along, clearance_m * _TO_MM, room, is_convex=is_convex)
-            met = manifold3d.Manifold()
-            for first in range(0, len(swept), _MOST_AT_ONCE):
-                some = swept[first : first + _MOST_AT_ONCE]
-                met += manifold3d.Manifold.batch_boolean(some, manifold3d.OpType.Add) ^ concave
-                # Unions are made when they are asked for, and no alarm ends one.
-                met.num_tri()
+            sweep = _unite(swept)
             # The waist that a press fit leaves is none: all of the part has to pass.
-            if measure_thickness(met) > self._overlaps_m.get(pair, 0.0) * _TO_MM:
-                space += met
+            if measure_thickness(sweep ^ concave) > self._overlaps_m.get(pair, 0.0) * _TO_MM:
+                spaces.append(sweep)
                 widest_m = max(widest_m, clearance_m)
+        near = [
+            box * _TO_MM
+            for box in jaws
+            if (box.min(axis=0) * _TO_MM < room[1]).all()
+            and (box.max(axis=0) * _TO_MM > room[0]).all()
+        ]
         # Engines let jaws pass where the mesh does.
-        held = manifold3d.Manifold()
-        for box in jaws:
-            low, high = box.min(axis=0) * _TO_MM, box.max(axis=0) * _TO_MM
-            if (low < room[1]).all() and (high > room[0]).all():
-                held += manifold3d.Manifold.hull_points(box * _TO_MM) ^ concave
+        held = _unite(list(map(manifold3d.Manifold.hull_points, near))) ^ concave
+        space = _unite(spaces) ^ concave
         if space.volume() + held.volume() < _LEAST_MM3:
             return None
         return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M, held)
@@ -223,6 +232,16 @@ def _build_head(part: Part, fastener: Fastener) -> manifold3d.Manifold:
     low_m = min(float(heights_m.min()), top_m - LEAST_HEAD_M)
     ends = [rim + np.outer(end_m - heights_m, axis) for end_m in (low_m, top_m)]
     return manifold3d.Manifold.hull_points(np.concatenate(ends) * _TO_MM)
+
+
+def _unite(solids: Sequence[manifold3d.Manifold]) -> manifold3d.Manifold:
+    """Return the union of solids, which is made at once: no alarm ends a long one."""
+    whole = manifold3d.Manifold()
+    for first in range(0, len(solids), _MOST_AT_ONCE):
+        some = solids[first : first + _MOST_AT_ONCE]
+        whole += manifold3d.Manifold.batch_boolean(some, manifold3d.OpType.Add)
+        whole.num_tri()
+    return whole
 
 
 def _sweep_faces(
