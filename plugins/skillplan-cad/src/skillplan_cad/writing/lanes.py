@@ -22,6 +22,8 @@ PLAY_M = 1e-4
 
 LEAST_HEAD_M = 1e-4
 """Least height of a head that is flush [m]."""
+MOST_HOVER_M = 5e-4
+"""Greatest height over its seat from which a screw is driven home [m]."""
 
 Floats = NDArray[np.float64]
 
@@ -223,13 +225,13 @@ class Lanes:
 
 
 def _build_head(part: Part, fastener: Fastener) -> manifold3d.Manifold:
-    """Return the head of a screw as high all over as at its top, as in engines [mm]."""
+    """Return the head of a screw, driven home, as high all over as at its top [mm]."""
     axis, radii_m = np.asarray(fastener.axis), fastener.list_radii_m(part.vertices_m)
     # A screw without a head is as wide as its shank.
     ring_m = (min(fastener.diameter_m / 2, radii_m.max()) + radii_m.max()) / 2
     rim = part.vertices_m[radii_m >= ring_m]
     heights_m, top_m = rim @ axis, float((part.vertices_m @ axis).max())
-    low_m = min(float(heights_m.min()), top_m - LEAST_HEAD_M)
+    low_m = min(float(heights_m.min()), top_m - LEAST_HEAD_M) - MOST_HOVER_M
     ends = [rim + np.outer(end_m - heights_m, axis) for end_m in (low_m, top_m)]
     return manifold3d.Manifold.hull_points(np.concatenate(ends) * _TO_MM)
 

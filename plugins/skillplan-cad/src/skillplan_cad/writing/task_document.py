@@ -60,7 +60,7 @@ from skillplan_cad.writing.held_part import (
     PartHolds,
     equip_hand,
 )
-from skillplan_cad.writing.lanes import LEAST_HEAD_M
+from skillplan_cad.writing.lanes import LEAST_HEAD_M, MOST_HOVER_M
 from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
 from skillplan_cad.writing.upright import (
     Upright,
@@ -752,9 +752,8 @@ def build_screw_entry(
     return entry, hover_m
 
 
-# Rays around a head, greatest height over its seat from which a screw is driven home, and
-# unevenness of a seat [m].
-_RING_RAYS, _MOST_HOVER_M, _UNEVEN_M = 16, 5e-4, 1e-5
+# Rays around a head, and unevenness of a seat [m].
+_RING_RAYS, _UNEVEN_M = 16, 1e-5
 
 
 def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float) -> float:
@@ -764,15 +763,15 @@ def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float
         tuple(axis.tolist())
     )
     # Rays begin above the head, as it may be sunk in its seat.
-    origins_mm = (radius_m * around + _MOST_HOVER_M * axis) * 1000
+    origins_mm = (radius_m * around + MOST_HOVER_M * axis) * 1000
     mesh = RayMesh(through, mouth)
     hit, beneath_mm = mesh.trace(origins_mm, np.tile(-axis, (_RING_RAYS, 1)))
-    hovers_m = beneath_mm / 1000 - _MOST_HOVER_M
+    hovers_m = beneath_mm / 1000 - MOST_HOVER_M
     is_flat = (hit >= 0).all() and (mesh.normals[hit] @ axis > _FLAT).all()
     if not is_flat or np.ptp(hovers_m) > _UNEVEN_M:
         return 0.0
     hover_m = float(hovers_m.min())
-    return hover_m if 0.0 < hover_m <= _MOST_HOVER_M + _UNEVEN_M else 0.0
+    return hover_m if 0.0 < hover_m <= MOST_HOVER_M + _UNEVEN_M else 0.0
 
 
 @dataclass(frozen=True, slots=True)
