@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from skillplan.task.pose import DOWN
 from skillplan_cad.joints.cylinder_fits import CylinderFit
@@ -31,12 +32,12 @@ Floats = NDArray[np.float64]
 _TO_MM = 1e3
 # Clearance below which parts are a fit [m].
 _REACH_M = 3e-4
-# Depth below a side up to which an overlap of meshes is seen [mm].
-_BELOW_MM = 0.3
-# Largest cosine between a side's normal and the move; smaller overlaps are rounding [mm3].
-_SIDEWAYS, _LEAST_MM3 = 0.1, 1e-3
-# Largest cosine of a side that counts as parallel to the move.
-_STRAIGHT = 0.02
+# Depth below a side up to which an overlap of meshes is seen, and that of surfaces that rest on
+# each other [mm].
+_BELOW_MM, _FILM_MM = 0.3, 0.05
+# Largest cosine between a side's normal and a move along it; smaller overlaps are rounding [mm3],
+# as shorter edges are [mm].
+_SIDEWAYS, _LEAST_MM3, _LEAST_MM = 0.1, 1e-3, 1e-3
 # Smallest downward component of an underside's normal.
 _STEEP = 0.5
 # Distance of pieces that touch, and of planes that are one [mm].
@@ -340,7 +341,7 @@ class _Hull:
         # Normal and offset of each side that passes another part, with the least gap; the play if
         # the other part keeps it.
         self.sides: dict[tuple[float, float, float, float], float] = {}
-        self._facets: list[tuple[Floats, float, Points]] | None = None
+        self._outline: list[tuple[Floats, float, Points]] | None = None
 
     def reach(self, along: Floats) -> float:
         """Return how far the piece reaches in a direction [mm]."""
@@ -368,6 +369,9 @@ class _Hull:
         if near.is_empty():
             return []
         gaps, shape = [], near.to_mesh64().vert_properties[:, :3]
+        # What the front of the piece rests on is not passed.
+        backs = np.stack([-_FILM_MM * along, back])[:, None]
+        swept = manifold3d.Manifold.hull_points((self._points + backs).reshape(-1, 3))
         for normal, offset, points in self._list_sides(along):
             is_level = others_along is not None and abs(normal @ others_along) < _SIDEWAYS
             if others_along is not None and normal[2] > _STEEP and not is_level:
@@ -376,18 +380,10 @@ class _Hull:
             if heights.max() <= offset or heights.min() > offset + room:
                 continue
             ends = np.concatenate([points - _BELOW_MM * normal, points + room * normal])
-            front = manifold3d.Manifold.hull_points(np.concatenate([ends, ends + back]))
-            met = [
-                piece.to_mesh64().vert_properties[:, :3]
-                for piece in (near ^ front).decompose()
-                if piece.volume() > _LEAST_MM3
-            ]
-            # A part behind this side of a thin piece lies before its other side.
-            met = [shape for shape in met if float((shape @ normal).max()) > offset]
-            if not met:
+            front = manifold3d.Manifold.hull_points((ends + backs).reshape(-1, 3))
+            gap = self._measure_gap(near ^ front, swept, normal, offset)
+            if gap is None:
                 continue
-            corners = np.concatenate(met)
-            gap = float((corners @ normal).min()) - offset
             key = (*normal.tolist(), offset)
             # Undersides bear a part, also on a move over its support: they get chamfers only.
             has_play = normal[2] < -_STEEP or (is_level and normal[2] <= _STEEP)
@@ -407,35 +403,49 @@ class _Hull:
                 if np.abs(own - key).max() < _NEXT_MM:
                     self.sides.setdefault((*normal.tolist(), offset), gap)
 
+    def _measure_gap(
+        self, met: manifold3d.Manifold, swept: manifold3d.Manifold, normal: Floats, offset: float
+    ) -> float | None:
+        """Return the gap of a side to what is near it, or None if it is nearer to other sides."""
+        gaps = []
+        for piece in met.decompose():
+            heights = piece.to_mesh64().vert_properties[:, :3] @ normal
+            # A part behind this side of a thin piece lies before its other side.
+            if piece.volume() > _LEAST_MM3 and heights.max() > offset:
+                inside = (piece ^ swept).to_mesh64().vert_properties[:, :3]
+                depths = [
+                    end - (inside @ out).min(initial=end) for out, end, _ in self._outline or ()
+                ]
+                if offset - (inside @ normal).min(initial=offset) < min(depths) + _LEAST_MM:
+                    gaps.append(float(heights.min()) - offset)
+        return min(gaps, default=None)
+
     def _list_sides(self, along: Floats) -> list[tuple[Floats, float, Points]]:
-        """Return the facets that lie along a move: normal, offset and corners."""
-        if self._facets is None:
-            mesh64 = self._solid.to_mesh64()
-            points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
-            corners = points[np.asarray(mesh64.tri_verts, dtype=np.int64)]
-            across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            lengths = np.linalg.norm(across, axis=1)
-            normals = across / np.maximum(lengths, 1e-30)[:, None]
-            offsets = np.einsum("ij,ij->i", corners[:, 0], normals)
-            facets: dict[tuple[float, ...], list[int]] = {}
-            for number in np.flatnonzero(lengths > 1e-9).tolist():
-                if abs(float(normals[number] @ along)) < _SIDEWAYS:
-                    rounded = np.round([*normals[number], offsets[number]], 3) + 0.0
-                    facets.setdefault(tuple(rounded.tolist()), []).append(number)
-            self._facets = []
-            for numbers in facets.values():
-                largest = max(numbers, key=lambda number: float(lengths[number]))
-                facet = corners[numbers].reshape(-1, 3)
-                # Surfaces that touch its edges are not in front of it.
-                facet = facet + _INWARD * (facet.mean(axis=0) - facet)
-                normal, offset = normals[largest], float(offsets[largest])
-                if abs(float(normal @ along)) < _STRAIGHT:
-                    # A hull over the waist of a press fit leans: all of it has to pass.
-                    normal = normal - (normal @ along) * along
-                    normal = normal / np.linalg.norm(normal)
-                    offset = float((self._points @ normal).max())
-                self._facets.append((normal, offset, facet))
-        return self._facets
+        """Return the edges of the outline seen along a move: normal, offset and ends.
+
+        All of a piece has to pass, also if its faces lean.
+        """
+        if self._outline is None:
+            frame = np.linalg.svd(along[None])[2][1:]
+            hull = ConvexHull(self._points @ frame.T)
+            self._outline = []
+            for corners, (x, y, shift) in zip(hull.simplices, hull.equations, strict=True):
+                normal = x * frame[0] + y * frame[1]
+                ends = np.array([self._find_foremost(number, along) for number in corners])
+                if np.linalg.norm(ends[1] - ends[0]) > _LEAST_MM:
+                    # Surfaces that touch its ends are not in front of it.
+                    ends = ends + _INWARD * (ends.mean(axis=0) - ends)
+                    self._outline.append((normal, -float(shift), ends))
+        return self._outline
+
+    def _find_foremost(self, corner: int, along: Floats) -> Floats:
+        """Return a corner of the outline, as far ahead as faces that lean a little reach."""
+        offsets = self._points - self._points[corner]
+        heights = offsets @ along
+        aside = np.linalg.norm(offsets - heights[:, None] * along, axis=1)
+        ahead_mm = heights[aside <= _SIDEWAYS * heights].max(initial=0.0)
+        foremost: Floats = self._points[corner] + ahead_mm * along
+        return foremost
 
     def is_backed(self, others: Sequence[_Hull]) -> bool:
         """Return whether other pieces lie behind most of a piece at one of its noted sides."""
