@@ -443,16 +443,18 @@ def test_parts_in_no_order_at_the_end_of_the_time_are_left_out_of_the_task():
 
 
 class StoppedSearch(cad.Watch):
-    """Asks to stop after a number of checks in the search for an order."""
+    """The share of the search for an order is over after a number of checks in it."""
 
     def __init__(self, checks):
-        super().__init__(must_stop=self.is_over)
+        super().__init__(
+            attempt=lambda make, share: None if share == 0.85 and self.is_over() else make()
+        )
         self.left, self.searches = checks, False
 
     def report(self, text):
         self.searches |= "finding an order" in text
 
-    def is_over(self, share):
+    def is_over(self):
         self.left -= self.searches
         return self.left < 0
 

@@ -599,7 +599,6 @@ class _TaskBuilder:
             is_same = bool(now.turned) and (
                 hold_mates(given, *now.ups).driven == self._relation.driven
             )
-            self._first = now
         return is_same
 
     def _judge(

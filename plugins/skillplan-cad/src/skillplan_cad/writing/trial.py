@@ -32,9 +32,9 @@ _FALLS = ("would tip off", "has nothing beneath it", "' tips towards", "' slides
 # Shares of the time limit after which no part gets another tool, and at which trials end, so that
 # an order of what passed is found.
 _RETOOLED_SHARE, _TRIED_SHARE = 0.5, 0.65
-# Shares at which the search for an order of parts that had one before ends, and its check with
-# all paths: a task with the parts up to there is written and checked in the time that is left.
-_ORDERED_SHARES, _REPLAYED_SHARES = (0.87, 0.92), (0.9, 0.95)
+# Shares at which the search for an order ends, that for an order of parts that had one before, and
+# its check with all paths: a task with the parts up to there is checked in the time that is left.
+_SEARCHED_SHARE, _ORDERED_SHARES, _REPLAYED_SHARES = 0.85, (0.87, 0.92), (0.9, 0.95)
 # Words of reasons for which an arm does not get to a place, the second half of one included.
 _ARM_WORDS = ("the hand cannot point", "of the arm runs into", "the nearest one is")
 # Kinds of skills that bring a part or drive a screw, in order.
@@ -367,7 +367,7 @@ class TaskTrials:
         self._watch.report(f"writing: finding an order of {len(task.operations)} parts")
         first = [name for name in self._found if name in task.operations]
         listed = [*first, *(name for name in preferred if name not in first)]
-        must_stop = self._watch.must_stop
+        must_stop = self._must_end_search
         if must_stop() and len(first) == len(task.operations):
             # Most of it was checked with more parts.
             must_stop = partial(self._is_over, _ORDERED_SHARES[self._is_cut])
@@ -375,7 +375,7 @@ class TaskTrials:
         missing = [name for name in task.operations if name not in order.parts]
         self._found = order.parts or self._found
         if order.parts and missing and not order.ended:
-            self._is_cut = must_stop != self._watch.must_stop
+            self._is_cut = must_stop != self._must_end_search
             unordered = tuple(name for name in missing if name not in order.conflicts)
             return Trial(conflicts=order.conflicts, unordered=unordered)
         if order.conflicts:
@@ -394,6 +394,9 @@ class TaskTrials:
         finally:
             self._known_whole.keep(whole)
             whole.close()
+
+    def _must_end_search(self) -> bool:
+        return self._watch.must_stop() or self._is_over(_SEARCHED_SHARE)
 
     def _is_over(self, share: float) -> bool:
         return self._watch.attempt(lambda: True, share) is None
