@@ -83,11 +83,6 @@ def test_straight_down_is_one_stretch_and_one_back():
     assert motion.tip[2] - motion.grasp_tip[2] == pytest.approx(0.001)
 
 
-def test_a_thin_part_is_released_lower_in_proportion_to_its_height():
-    thin = {"bar": BAR["parts"]["bar"] | {"size_m": [0.02, 0.06, 0.001]}}
-    assert motion_of(place_of(), board={**BAR, "parts": thin}).drop_m == pytest.approx(0.00025)
-
-
 def test_the_last_stretch_follows_the_direction_of_insertion_and_the_first_back_too():
     along = unit((-1.0, 0.0, 0.0))
     across = Grasp(GraspKind.JAWS, (0.0, 0.0, 0.01), AXES["y"], 0.06)

@@ -33,8 +33,6 @@ _NATURAL_YAW_RAD = math.pi / 2
 _STANDOFF_M = 0.02
 # Distance of a screw from its hole at which the hand begins to follow its axis [m].
 _SCREW_STRETCH_M = 0.05
-# Height below which a part is released lower in proportion to its height [m].
-_THIN_M = 0.004
 # Greatest height of a side insertion above its goal, which avoids dragging [m].
 _SIDE_LIFT_M = 3e-4
 # Greatest extent below its tip of a hand that does not point down [m].
@@ -390,14 +388,12 @@ def _choose_drop_m(scene: Scene, visit: Visit, drop_height_m: float) -> float:
     """Return the height above its goal at which a visit releases a part [m]."""
     if visit.event is not Event.RELEASE or is_same_direction(visit.along, AXES["z"]):
         return 0.0
-    body = scene.body(visit.subject)
-    fits = body.fits if visit.is_fitted else ()
+    fits = scene.body(visit.subject).fits if visit.is_fitted else ()
     if any(fit.is_led for fit in fits):
         # The hand brings it to its seat.
         return 0.0
     if is_same_direction(visit.along, DOWN):
-        # A thin part that falls farther bounces and turns over.
-        return drop_height_m * min(1.0, body.height_m / _THIN_M)
+        return drop_height_m
     # A pin in a hole has no more room above than beside it.
     return min(drop_height_m, _SIDE_LIFT_M, *(max(fit.drawn_m, fit.play_m) for fit in fits))
 

@@ -246,8 +246,7 @@ class SweptDetector(Detector):
             default=0.001,
             ge=0,
             le=0.05,
-            description="height above its goal at which a part is released; less in proportion for "
-            "parts under 4 mm high [m]",
+            description="height above its goal at which a part is released [m]",
         )
         check_support: bool = Field(
             default=True,

@@ -63,8 +63,7 @@ class ExecutionSettings(back_end.Options):
         default=0.001,
         ge=0.0,
         le=0.05,
-        description="height above its goal at which a part is released; less in proportion for "
-        "parts under 4 mm high [m]",
+        description="height above its goal at which a part is released [m]",
     )
     friction: float = Field(
         default=0.6, ge=0.05, le=2.0, description="lateral friction of parts and table [-]"
