@@ -78,6 +78,15 @@ def test_a_part_and_a_tool_heavier_than_the_payload_are_refused(arm, tmp_path):
         load(tmp_path, arm, payload_kg - 0.09)
 
 
+def place_block(engine, folder, text):
+    """Return what an engine did to pick and place the block of a task."""
+    path = folder / "block.yaml"
+    path.write_text(text, "utf-8")
+    task = load_problem(path).task
+    created, *_ = introduce(Setup(engine, ()).back_ends(task))
+    return created.perform([task.skill("pick(block)"), task.skill("place(block)")])
+
+
 HEAVY = """kind: assembly
 name: heavy
 robot: {model: ur20, home_m: [0.8, -0.1], safe_height_m: 0.5}
@@ -93,11 +102,7 @@ parts:
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
 def test_the_drives_of_an_arm_know_the_inertia_of_a_heavy_load(engine, tmp_path):
     """A wrist of 0.06 kg m2 swings a load of 1.4 kg m2; it lagged by 12 mm without touching."""
-    path = tmp_path / "heavy.yaml"
-    path.write_text(HEAVY, "utf-8")
-    task = load_problem(path).task
-    created, *_ = introduce(Setup(engine, ()).back_ends(task))
-    done = created.perform([task.skill("pick(block)"), task.skill("place(block)")])
+    done = place_block(engine, tmp_path, HEAVY)
     assert done.failed is None, done.failed.verdict.reason
 
 
@@ -118,11 +123,7 @@ parts:
 @pytest.mark.slow(reason="an execution")
 def test_a_heavy_arm_on_the_springs_of_a_fit_does_not_lag(tmp_path):
     """Springs alone accelerated its inertia: it lagged by 1.2 mm, turned and pressed with 9 N."""
-    path = tmp_path / "slot.yaml"
-    path.write_text(SLOT, "utf-8")
-    task = load_problem(path).task
-    created, *_ = introduce(Setup("mujoco", ()).back_ends(task))
-    done = created.perform([task.skill("pick(block)"), task.skill("place(block)")])
+    done = place_block("mujoco", tmp_path, SLOT)
     evidence = done.skills[-1].verdict.evidence
     assert evidence["sensed"]["insertion_force_n"] < 1.0
     assert np.linalg.norm(evidence["offset_mm"]) < 0.1
