@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import count
 from typing import Any
 
@@ -26,7 +26,13 @@ from skillplan_pinocchio.inverse_kinematics import (
 )
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.continuous_check import Held, Hit, SelfCheck
-from skillplan_pinocchio.shapes import STILL, ConvexPiece, Nearness, Obstacle, measure_overlap
+from skillplan_pinocchio.shapes import (
+    STILL,
+    ConvexPiece,
+    Obstacle,
+    is_deeper,
+    measure_geometry_distance,
+)
 from skillplan_pinocchio.sweep import Touch
 
 # Maximum excursion of a link between the nodes of a path [m].
@@ -96,41 +102,38 @@ class LinkSweep:
             return None
         places = self._at(samples)
         first: tuple[int, int] | None = None
-        position_m = None
-        depth_m = 0.0
+        geometries: tuple[Any, ...] = ()
         for number, piece in near:
             low, high = places.low[:, number], places.high[:, number]
             for sample in np.flatnonzero(_find_overlaps(low, high, piece, tolerance_m)).tolist():
                 if first is not None and (sample, number) >= first:
                     break
-                overlap = self._measure_overlap(places, sample, number, piece)
-                if overlap is not None and overlap.distance_m < -tolerance_m:
-                    first, position_m = (sample, number), overlap.position
-                    depth_m = -overlap.distance_m
+                placement = self._place(places, sample, number)
+                pair = (self._pieces[number].geometry, placement, piece.hull, STILL)
+                if is_deeper(*pair, tolerance_m):
+                    first, geometries = (sample, number), pair
                     break
-        if first is None or position_m is None:
+        if first is None:
             return None
         sample, number = first
-        touch = Touch(sample / samples, position_m, round(depth_m, 6))
+        touch = Touch(sample / samples, partial(measure_geometry_distance, *geometries))
         return LinkTouch(self._pieces[number].link, touch)
 
     @property
     def _pieces(self) -> tuple[LinkPiece, ...]:
         return self.arm.pieces
 
-    def _measure_overlap(
-        self, places: _Places, sample: int, number: int, piece: ConvexPiece
-    ) -> Nearness | None:
-        of_link = self._pieces[number]
+    def _place(self, places: _Places, sample: int, number: int) -> Any:
+        """Return the placement of a piece for coal."""
         if (sample, number) not in places.placements:
+            of_link = self._pieces[number]
             rotation = places.rotations[sample, of_link.link - 1]
             origin = places.origins[sample, of_link.link - 1]
             frame = of_link.frame
             places.placements[sample, number] = coal.Transform3s(
                 rotation @ frame.rotation, rotation @ frame.translation + origin
             )
-        placement = places.placements[sample, number]
-        return measure_overlap(of_link.geometry, placement, piece.hull, STILL)
+        return places.placements[sample, number]
 
     def _at(self, samples: int) -> _Places:
         if samples not in self._sampled:

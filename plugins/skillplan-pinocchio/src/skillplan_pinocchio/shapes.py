@@ -28,8 +28,10 @@ _CELLS: Final = 40
 # Half width and thickness of the table: bodies cannot pass through it [m].
 _TABLE_HALF_WIDTH_M: Final = 5.0
 _TABLE_THICKNESS_M: Final = 1.0
-# Largest number of triangles in which the depth of an overlap is measured.
+# Largest number of triangles in which the depth of an overlap is measured, and of those looked at
+# before to find that it is deep enough.
 _MOST_TOUCHES: Final = 2_000
+_FIRST_TOUCHES: Final = 8
 
 # Triangles in a tree of boxes.
 _TREE: Final = coal.BVHModelOBBRSS
@@ -206,35 +208,72 @@ def measure_geometry_distance(geometry: Any, at: Any, other: Any, other_at: Any)
     shorter than this parts the two, whereas coal's distance is that of the first one it finds.
     """
     result = coal.DistanceResult()
-    distance_m = coal.distance(geometry, at, other, other_at, coal.DistanceRequest(), result)
+    distance_m = measure_gap(geometry, at, other, other_at, result)
     if distance_m <= 0 and isinstance(other, _TREE) and not isinstance(geometry, _TREE):
         deepest = _measure_depth(geometry, at, other, other_at)
         if deepest is not None:
             return deepest
     middle = (result.getNearestPoint1() + result.getNearestPoint2()) / 2
     x, y, z = (round(float(value), 6) for value in middle)
-    return Nearness(float(distance_m), (x, y, z))
+    return Nearness(distance_m, (x, y, z))
 
 
-def measure_overlap(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness | None:
-    """Return the distance between two geometries of coal if they overlap, else None."""
-    if isinstance(other, _TREE):
-        return _measure_depth(geometry, at, other, other_at)
-    nearness = measure_geometry_distance(geometry, at, other, other_at)
-    return nearness if nearness.distance_m < 0 else None
+def measure_gap(
+    geometry: Any, at: Any, other: Any, other_at: Any, result: Any | None = None
+) -> float:
+    """Return the distance between two geometries of coal [m], <= 0 if they overlap.
+
+    A value below 0 is the penetration depth only if both are convex.
+    """
+    result = coal.DistanceResult() if result is None else result
+    return float(coal.distance(geometry, at, other, other_at, coal.DistanceRequest(), result))
+
+
+def bound_gap(
+    geometry: Any, at: Any, other: Any, other_at: Any, tolerance_m: float
+) -> float | None:
+    """Return a lower bound of the distance between two geometries of coal [m], >= 0 or a depth.
+
+    Parameters
+    ----------
+    tolerance_m
+        Depth of an overlap beyond which there is no bound, but None [m], >= 0.
+    """
+    if not isinstance(other, _TREE):
+        gap_m = measure_gap(geometry, at, other, other_at)
+        return gap_m if gap_m >= -tolerance_m else None
+    # A triangle that is met first is often deep enough, and all of them take long.
+    for most in (_FIRST_TOUCHES, _MOST_TOUCHES):
+        result = _collide(geometry, at, other, other_at, most)
+        depths_m = [-contact.penetration_depth for contact in result.getContacts()]
+        if any(depth_m > tolerance_m for depth_m in depths_m):
+            return None
+        if len(depths_m) < most:
+            break
+    return 0.0 if depths_m else max(0.0, float(result.distance_lower_bound))
+
+
+def is_deeper(geometry: Any, at: Any, other: Any, other_at: Any, tolerance_m: float) -> bool:
+    """Return whether two geometries of coal overlap by more than a tolerance [m], >= 0."""
+    return bound_gap(geometry, at, other, other_at, tolerance_m) is None
 
 
 def _measure_depth(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness | None:
     """Return the depth of the deepest triangle, or None if none is penetrated."""
-    request, found = coal.CollisionRequest(), coal.CollisionResult()
-    request.enable_contact, request.num_max_contacts = True, _MOST_TOUCHES
-    if not coal.collide(geometry, at, other, other_at, request, found):
-        return None
-    deepest = min(found.getContacts(), key=lambda contact: contact.penetration_depth)
-    if deepest.penetration_depth >= 0:
+    contacts = _collide(geometry, at, other, other_at, _MOST_TOUCHES).getContacts()
+    deepest = min(contacts, key=lambda contact: contact.penetration_depth, default=None)
+    if deepest is None or deepest.penetration_depth >= 0:
         return None
     x, y, z = (round(float(value), 6) for value in deepest.pos)
     return Nearness(float(deepest.penetration_depth), (x, y, z))
+
+
+def _collide(geometry: Any, at: Any, other: Any, other_at: Any, most: int) -> Any:
+    """Return contacts with the triangles of a tree, up to a number of them."""
+    request, result = coal.CollisionRequest(), coal.CollisionResult()
+    request.enable_contact, request.num_max_contacts = True, most
+    coal.collide(geometry, at, other, other_at, request, result)
+    return result
 
 
 def may_touch(piece: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> bool:

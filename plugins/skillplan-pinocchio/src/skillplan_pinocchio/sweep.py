@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import coal
+import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan_pinocchio.shapes import (
@@ -12,16 +16,17 @@ from skillplan_pinocchio.shapes import (
     ConvexPiece,
     Nearness,
     Obstacle,
+    bound_gap,
+    is_deeper,
     may_touch,
     measure_distance,
-    measure_overlap,
 )
 
 # Accuracy of a measured distance [m].
 _ACCURACY_M = 1e-5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Touch:
     """First contact along a line.
 
@@ -29,15 +34,26 @@ class Touch:
     ----------
     fraction
         Fraction of the line, in [0, 1].
-    position
-        Position in the world [m].
-    penetration_m
-        Penetration depth, > 0 [m].
+    measure
+        Returns position and depth. Called only if they are needed, as it takes long.
     """
 
     fraction: float
-    position: Point
-    penetration_m: float
+    measure: Callable[[], Nearness]
+
+    @cached_property
+    def _nearness(self) -> Nearness:
+        return self.measure()
+
+    @property
+    def position(self) -> Point:
+        """Position in the world [m]."""
+        return self._nearness.position
+
+    @property
+    def penetration_m(self) -> float:
+        """Penetration depth, > 0 [m]."""
+        return round(-self._nearness.distance_m, 6)
 
 
 class Sweep:
@@ -105,7 +121,7 @@ class Sweep:
             entry, piece, swept, other = pairs[order]
             if entry - 1 / samples > chosen[0]:
                 break
-            touch = self._touch(piece, swept, other, tolerance_m, samples)
+            touch = self._touch(piece, swept, other, tolerance_m, samples, entry)
             if touch is not None and (touch.fraction, order) < chosen:
                 chosen, first = (touch.fraction, order), touch
         return first
@@ -127,46 +143,81 @@ class Sweep:
         other: ConvexPiece,
         tolerance_m: float,
         samples: int,
+        entry: float,
     ) -> Touch | None:
-        whole = measure_overlap(swept.hull, STILL, other.hull, STILL)
-        if whole is None or whole.distance_m >= -tolerance_m:
+        """Return the first contact of two pieces, whose boxes are apart before an entry."""
+        if not is_deeper(swept.hull, STILL, other.hull, STILL, tolerance_m):
             return None
-        depth_m = round(-whole.distance_m, 6)
-        known: dict[int, Nearness] = {}
-        for number, here in self._sample(piece, other, samples, 0.0, known):
-            if here.distance_m < -tolerance_m:
-                return Touch(number / samples, here.position, depth_m)
-        # An obstacle thinner than the spacing of samples: take the nearest sample.
-        nearest_m = max(0.0, min(here.distance_m for here in known.values()))
-        number, here = min(
-            self._sample(piece, other, samples, nearest_m, known),
-            key=lambda sample: sample[1].distance_m,
-        )
-        return Touch(number / samples, here.position, depth_m)
+        line = _Line(piece, other, self.by, samples, tolerance_m)
+        gaps_m = line.iterate(max(0, math.ceil(entry * samples) - 1))
+        first = next((number for number, gap_m in gaps_m if gap_m is None), None)
+        # An obstacle may be thinner than the spacing of samples: take the nearest sample.
+        number = line.find_nearest() if first is None else first
+        # Without the hulls, which take more memory than the corners.
+        line = _Line(ConvexPiece(piece.corners), other, self.by, samples, tolerance_m)
+        return Touch(number / samples, partial(line.describe, number))
 
-    def _sample(
-        self,
-        piece: ConvexPiece,
-        other: ConvexPiece,
-        samples: int,
-        within_m: float,
-        known: dict[int, Nearness],
-    ) -> Iterator[tuple[int, Nearness]]:
-        """Yield the samples that may be so near, as no step is longer than its displacement.
 
-        Parameters
-        ----------
-        within_m
-            Distance [m], >= 0.
-        known
-            Distances that were measured, by sample.
+class _Line:
+    """Samples of a straight displacement of a piece, seen from a fixed one.
+
+    Parameters
+    ----------
+    by
+        Displacement [m].
+    samples
+        Number of equal intervals.
+    tolerance_m
+        Penetration depth that counts as harmless touching [m], >= 0.
+    """
+
+    def __init__(
+        self, piece: ConvexPiece, other: ConvexPiece, by: Point, samples: int, tolerance_m: float
+    ) -> None:
+        self._piece, self._other, self._by = piece, other, by
+        self._samples, self._tolerance_m = samples, tolerance_m
+        self._step_m = max(math.hypot(*by) / samples, _ACCURACY_M)
+        # Bounds of the distance [m] by sample; None for an overlap by more than the tolerance.
+        self._bounds_m: dict[int, float | None] = {}
+
+    def iterate(self, first: int, within_m: float = 0.0) -> Iterator[tuple[int, float | None]]:
+        """Yield the samples that may be within a distance, as no step is longer than that of all.
+
+        Yields
+        ------
+        tuple
+            Number, and a lower bound of the distance [m] or None; see `bound_gap`.
         """
-        step_m = max(math.hypot(*self.by) / samples, _ACCURACY_M)
-        number = 0
-        while number <= samples:
-            if number not in known:
-                by = [number / samples * extent for extent in self.by]
-                known[number] = measure_distance(piece, other, by)
-            yield number, known[number]
-            far_m = known[number].distance_m - within_m - _ACCURACY_M
-            number += 1 + max(0, int(far_m / step_m))
+        number = first
+        while number <= self._samples:
+            if number not in self._bounds_m:
+                at = coal.Transform3s(np.eye(3), np.array(self._displace(number)))
+                self._bounds_m[number] = bound_gap(
+                    self._piece.hull, at, self._other.hull, STILL, self._tolerance_m
+                )
+            gap_m = self._bounds_m[number]
+            yield number, gap_m
+            far_m = (gap_m or 0.0) - within_m - _ACCURACY_M
+            number += 1 + max(0, int(far_m / self._step_m))
+
+    def find_nearest(self) -> int:
+        """Return the nearest sample if none overlaps by more than the tolerance."""
+        known_m = {number: gap_m or 0.0 for number, gap_m in self._bounds_m.items()}
+        first = min(known_m, key=lambda number: known_m[number])
+        distances_m = {first: self._measure(first).distance_m}
+        within_m = max(0.0, distances_m[first])
+        for number, gap_m in self.iterate(0, within_m):
+            if number != first and (gap_m or 0.0) <= within_m + _ACCURACY_M:
+                distances_m[number] = self._measure(number).distance_m
+        return min(sorted(distances_m), key=lambda number: distances_m[number])
+
+    def describe(self, number: int) -> Nearness:
+        """Return the position of a contact at a sample, and its depth on the whole line."""
+        whole = measure_distance(self._piece.swept(self._by), self._other)
+        return replace(whole, position=self._measure(number).position)
+
+    def _measure(self, number: int) -> Nearness:
+        return measure_distance(self._piece, self._other, self._displace(number))
+
+    def _displace(self, number: int) -> list[float]:
+        return [number / self._samples * extent for extent in self._by]

@@ -34,11 +34,24 @@ class Collision:
         Fact that holds while the obstacle is there; None for a collision in every state.
     reason
         Reason as one clause.
+    evidence
+        Evidence without the place and depth of a contact.
+    touch
+        Contact, or None.
     """
 
     fact: str | None
     reason: str
     evidence: Mapping[str, Any]
+    touch: Touch | None = None
+
+    @property
+    def whole_evidence(self) -> Mapping[str, Any]:
+        """Evidence with the place and depth of a contact [m]."""
+        if self.touch is None:
+            return self.evidence
+        position, depth_m = self.touch.position, self.touch.penetration_m
+        return {**self.evidence, "position_m": list(position), "penetration_m": depth_m}
 
 
 @dataclass(frozen=True)
@@ -207,7 +220,12 @@ class SweptMotionBuilder:
                 touch = sweep.touch(obstacle, tolerance_m, self.planner.samples)
                 if touch is not None:
                     collisions.append(
-                        (touch.fraction, _make_collision(obstacle, sweep.mover, sweep.label, touch))
+                        (
+                            touch.fraction,
+                            make_collision(
+                                obstacle.fact, sweep.mover, obstacle.body, sweep.label, touch
+                            ),
+                        )
                     )
         return [collision for _, collision in sorted(collisions, key=lambda pair: pair[0])]
 
@@ -215,8 +233,7 @@ class SweptMotionBuilder:
         clash = self.sweeps.clash(motion, self.planner.tolerance_m)
         if clash is not None:
             mover, touch = clash
-            target = Obstacle(motion.visit.subject, None, ())
-            yield _make_collision(target, mover, "the approach", touch)
+            yield make_collision(None, mover, motion.visit.subject, "the approach", touch)
 
     def _links(self, planned: ArmMotion, number: int) -> Iterator[ElbowChoice]:
         paths = tuple(_collect_elbow_collisions(elbow, "the approach") for elbow in planned.elbows)
@@ -329,7 +346,13 @@ def _transform_pieces(frame: Pose, pieces: Iterable[ConvexPiece]) -> tuple[Conve
 def _collect_elbow_collisions(elbow: Elbow, label: str) -> tuple[Collision, ...]:
     """Return the collisions of the arm with one elbow position, permanent ones first."""
     links = tuple(
-        _make_collision(obstacle, f"link {link_touch.link} of the arm", label, link_touch.touch)
+        make_collision(
+            obstacle.fact,
+            f"link {link_touch.link} of the arm",
+            obstacle.body,
+            label,
+            link_touch.touch,
+        )
         for obstacle, link_touch in elbow.meets
     )
     own: tuple[Collision, ...] = ()
@@ -357,19 +380,10 @@ def _make_self_collision(hit: Hit) -> Collision:
     )
 
 
-def _make_collision(obstacle: Obstacle, mover: str, label: str, touch: Touch) -> Collision:
-    return Collision(
-        obstacle.fact,
-        f"{mover} runs into {obstacle.body} on {label}",
-        {
-            "moving": mover,
-            "bodies": [obstacle.body],
-            "during": label,
-            "position_m": list(touch.position),
-            "fraction": touch.fraction,
-            "penetration_m": touch.penetration_m,
-        },
-    )
+def make_collision(fact: str | None, mover: str, body: str, label: str, touch: Touch) -> Collision:
+    """Return the collision of what moves with a body during a phase."""
+    evidence = {"moving": mover, "bodies": [body], "during": label, "fraction": touch.fraction}
+    return Collision(fact, f"{mover} runs into {body} on {label}", evidence, touch)
 
 
 class VerdictInState:
@@ -404,7 +418,7 @@ class VerdictInState:
         for event in motion.events:
             collision = self._collision(event)
             if collision is not None:
-                return Verdict.infeasible(collision.reason, *self._rests, collision.evidence)
+                return Verdict.infeasible(collision.reason, *self._rests, collision.whole_evidence)
         for supports in motion.supports:
             verdict = self._unsupported(supports)
             if verdict is not None:

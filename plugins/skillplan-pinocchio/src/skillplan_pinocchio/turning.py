@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import coal
@@ -23,6 +23,7 @@ from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.shapes import (
     ConvexPiece,
+    Nearness,
     Obstacle,
     make_pieces,
     make_shank_pieces,
@@ -31,7 +32,12 @@ from skillplan_pinocchio.shapes import (
 )
 from skillplan_pinocchio.support import find_supports
 from skillplan_pinocchio.sweep import Touch
-from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder
+from skillplan_pinocchio.swept_motion import (
+    Collision,
+    SweptMotion,
+    SweptMotionBuilder,
+    make_collision,
+)
 
 # Least advance of the fastest point between two measurements [m].
 _LEAST_STEP_M = 1e-4
@@ -128,7 +134,7 @@ class Turning:
         while True:
             near = measure_geometry_distance(reach.piece.hull, self.at(share), other, other_at)
             if near.distance_m < -tolerance_m:
-                return Touch(share, near.position, round(-near.distance_m, 6))
+                return Touch(share, partial(Nearness, near.distance_m, near.position))
             if share >= 1.0 or reach.path_m == 0.0:
                 return None
             step_m = max(near.distance_m + tolerance_m, _LEAST_STEP_M)
@@ -278,18 +284,7 @@ class Turns:
                 continue
             touch = min(touches, key=lambda item: item.fraction)
             facts = [term for term in (fact, other.fact) if term]
-            yield Collision(
-                AND.join(facts) or None,
-                f"{name} runs into {other.name} on {during}",
-                {
-                    "moving": name,
-                    "bodies": [other.name],
-                    "during": during,
-                    "position_m": list(touch.position),
-                    "fraction": touch.fraction,
-                    "penetration_m": touch.penetration_m,
-                },
-            )
+            yield make_collision(AND.join(facts) or None, name, other.name, during, touch)
 
 
 def _make_standing(obstacle: Obstacle) -> Standing:
