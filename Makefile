@@ -143,13 +143,15 @@ clean:  ## all that these targets make
 	$(SKILLPLAN) --help > /dev/null && $(SKILLPLAN) check $(BOARD) > /dev/null
 	touch $@
 
-# Kernels of searches and of the bench's learners compile while pip fetches the engines.
+# Kernels of searches and of the bench's learners compile while pip fetches the engines; those of
+# pictures, which engines draw, compile then, and not in several tests at once.
 .venv/.demo: .venv/.core
 	$(SKILLPLAN) warm-up & kernels=$$!; \
 	  $(PIP) --editable plugins/skillplan-pinocchio --editable plugins/skillplan-simulation \
 	    --editable plugins/skillplan-mujoco --editable plugins/skillplan-torch \
 	    --editable plugins/skillplan-swarmitfix \
-	    $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet) && wait $$kernels
+	    $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet) && wait $$kernels && \
+	  $(SKILLPLAN) warm-up
 	touch $@
 
 .venv/.test: .venv/.demo

@@ -150,12 +150,21 @@ def test_every_exception_is_of_a_command():
     assert set() == set(OTHER_PROGRAMS) - programs
 
 
-def silent(page):
-    """Whether a page has a command of skillplan whose output it does not show."""
-    return any(
-        not shown and command.program == "skillplan" and not command.only_parsed
-        for command, shown in commands_of(page)
-    )
+def needed_commands(page):
+    """Return the commands whose output a page does not show, and those that write what they read.
+
+    `test_transcripts.py` runs the others.
+    """
+    needed, read = [], []
+    for command, shown in reversed(list(commands_of(page))):
+        if command.program != "skillplan" or command.only_parsed:
+            continue
+        words = command.words
+        out = words[words.index("--out") + 1].rstrip("/") if "--out" in words else None
+        if not shown or (out is not None and any(out in word for word in read)):
+            needed.insert(0, command)
+            read += words
+    return needed
 
 
 @pytest.mark.parametrize(
@@ -168,7 +177,7 @@ def silent(page):
             else pytest.mark.slow(reason="trainings and figures; all commands parse in every run"),
         )
         for page in (*PAGES, *READMES)
-        if silent(page)
+        if needed_commands(page)
     ],
     ids=named,
 )
@@ -181,12 +190,7 @@ def test_every_command_of_a_page_works(page, tmp_path, monkeypatch):
     for fence in fences(page.read_text("utf-8")):
         if fence.file is not None:
             Path(fence.file).write_text(fence.body, "utf-8")
-    for command, shown in commands_of(page):
-        if command.program != "skillplan" or command.only_parsed:
-            continue
-        # Of commands whose output is shown only those are needed that write a file.
-        if shown and "--out" not in command.words:
-            continue
+    for command in needed_commands(page):
         with captured() as stream:
             code = app_code(command.reduced[1:])
         printed = read_text(stream)

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import skillplan
-from ray_clusters import PATIENCE_S, actors, first_actors, processes_of
+from ray_clusters import PATIENCE_S, actors, first_actors, processes_of, two_nodes
 from skillplan.checks import Feasibility
 from skillplan.errors import SkillplanError
 from skillplan.model import SkillModel
@@ -77,9 +77,16 @@ def workers_of(executor: Executor) -> dict[str, Worker]:
     return {node_of(executor, item): item for item in created}
 
 
+@pytest.fixture(scope="module")
+def kept_cluster():
+    """A cluster for tests that leave it as it was."""
+    yield from two_nodes()
+
+
 @slow
-def test_workers_are_spread_over_nodes_and_answers_are_the_same(cluster):
+def test_workers_are_spread_over_nodes_and_answers_are_the_same(kept_cluster):
     """Verdicts and all that is counted."""
+    cluster = kept_cluster
     executor = executor_at(cluster)
     nodes = {cluster.head_node.node_id, cluster.second.node_id}
     assert nodes == set(workers_of(executor))
@@ -164,16 +171,20 @@ def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluste
 
 
 @slow
-def test_a_cluster_of_mixed_versions_is_refused_in_words(cluster, tmp_path):
+def test_a_cluster_of_mixed_versions_is_refused_in_words(kept_cluster, tmp_path):
     """Before anything is done: what differs, and where."""
     about = tmp_path / "skillplan-9.9.9.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: skillplan\nVersion: 9.9.9\n")
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    cluster.add_node(num_cpus=1, env_vars={"PYTHONPATH": path})
+    import ray
+
+    ray.shutdown()
+    node = kept_cluster.add_node(num_cpus=1, env_vars={"PYTHONPATH": path})
     here = re.escape(skillplan.__version__)
     with pytest.raises(SkillplanError, match=rf"mixed.*: skillplan 9\.9\.9 \(here {here}\)"):
-        executor_at(cluster).start(int, pack_content("1", "tests"), "tests")
+        executor_at(kept_cluster).start(int, pack_content("1", "tests"), "tests")
+    kept_cluster.remove_node(node)
 
 
 SEARCH = ["search-optimal", str(BOARD), "--physics", "pybullet", "--collision", "contact-pairs"]

@@ -12,17 +12,33 @@ import expensive_back_ends
 from expensive_back_ends import ExpensiveEngine, checks_in
 from skillplan.checks import Feasibility
 from skillplan.model import SkillModel
-from skillplan.pipeline import Setup
+from skillplan.pipeline import Setup, solve
+from skillplan.solvers.ordering import portfolio
 from skillplan.task import Verdict
 from skillplan.testing import ExecutorSuite, lid_task, reachable_states
 from skillplan.workers import ExecutorChoice
 from skillplan_ray import RayExecutor
 from skillplan_ray import executor as executors
+from sop_instances import instance
 
 OPTIONS: dict[str, Any] = {"cpus": 0}
 
 
+@pytest.fixture(scope="module")
+def ray():
+    """The choice of Ray, whose actors can import the back ends of tests."""
+    import ray
+
+    ray.shutdown()
+    folders = [str(Path(expensive_back_ends.__file__).parent), os.environ.get("PYTHONPATH", "")]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, folders)))
+        yield Setup(executor=ExecutorChoice("ray", "", OPTIONS))
+    ray.shutdown()
+
+
 @pytest.mark.slow(reason="starts a Ray cluster and an actor a test; local ones in every run")
+@pytest.mark.usefixtures("ray")
 class TestRayExecutor(ExecutorSuite):
     executor = "ray"
     options: ClassVar[dict[str, Any]] = OPTIONS
@@ -40,19 +56,6 @@ def test_only_the_first_worker_waits_for_ray(connected, monkeypatch):
 
 
 FATAL = "pick(fuse)"
-
-
-@pytest.fixture(scope="module")
-def ray():
-    """The choice of Ray, whose actors can import the back ends of tests."""
-    import ray
-
-    ray.shutdown()
-    folders = [str(Path(expensive_back_ends.__file__).parent), os.environ.get("PYTHONPATH", "")]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, folders)))
-        yield Setup(executor=ExecutorChoice("ray", "", OPTIONS))
-    ray.shutdown()
 
 
 def checked(setup: Setup, options: dict[str, Any]) -> dict[str, Verdict]:
@@ -86,3 +89,16 @@ def test_a_check_whose_actor_is_killed_is_made_once_more_and_then_unknown(once, 
         assert lost.reason.endswith(", twice")
         del expected[FATAL]
     assert result == expected
+
+
+@pytest.mark.slow(reason="a search of seconds twice; local processes in every run")
+def test_the_portfolio_finds_the_same_order_and_bound_on_ray(ray, monkeypatch):
+    """Plan, proof and all counts; an actor takes its share, and none is lost."""
+    # Subtrees are dealt before a single process would have proved the optimum.
+    monkeypatch.setattr(portfolio, "_FIRST_WORK", 1_000_000)
+    results = [solve(instance("ESC47").tasks[-1], "portfolio", to, jobs=2) for to in (Setup(), ray)]
+    here, there = ((result.steps, result.cost, result.trace) for result in results)
+    assert here == there
+    assert results[0].status == "optimal"
+    assert results[0].trace["processes"] == 2
+    assert "lost_processes" not in results[0].trace

@@ -24,8 +24,6 @@ from skillplan.workers import ExecutorChoice
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 BOARD = CONFIGS / "inverter_board.yaml"
-# Proved by branch and cut in some seconds, so that all processes take part.
-ORDERING = Path(__file__).parents[3] / "tests" / "instances" / "sop" / "ESC47.sop"
 PHYSICS = ("--physics", "mujoco")
 # Where it was, and what idle processes did in vain.
 _ELSE = ("folder", "run_dir", "ahead")
@@ -128,17 +126,6 @@ def test_solvers_side_by_side_on_a_generated_board(generated, cluster, tmp_path)
     """A row each."""
     words = ["compare", str(generated), "--solvers", "exact,sarsa,value-iteration"]
     same_everywhere(words, cluster, tmp_path)
-
-
-@pytest.mark.slow(reason="a search of seconds twice, and a start of Ray; local ones in every run")
-def test_the_portfolio_finds_the_same_order_and_bound_on_ray(tmp_path):
-    """Plan, proof and all counts; an actor takes its share, and none is lost."""
-    words = ["search-optimal", str(ORDERING), "--solver", "portfolio", "--jobs", "2"]
-    here = answers(words, tmp_path)
-    assert here == answers([*words, "--executor", "ray"], tmp_path)
-    assert here["status"] == "optimal"
-    assert here["trace"]["processes"] == 2
-    assert "lost_processes" not in here["trace"]
 
 
 @release

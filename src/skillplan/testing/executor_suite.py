@@ -11,7 +11,7 @@ import platform
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from typing import Any, ClassVar
 
@@ -97,9 +97,11 @@ _FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     "exit": os._exit,
     "kill": _kill,
     "refusal": _refusal,
+    "any": lambda job: _FUNCTIONS[job[0]](job[1]),
 }
 
 
+_Idle = tuple[Executor, Worker]
 _WHAT = "tests"
 _PATIENCE_S = 60.0
 # Time in which an ended worker is gone [s].
@@ -129,48 +131,54 @@ class ExecutorSuite:
         with pytest.raises(ValueError, match="at least one process, not 0"):
             self.make(0)
 
-    def test_jobs_are_done_elsewhere_one_after_another(self) -> None:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def idle(cls) -> Iterator[_Idle]:
+        """Yield an executor and a worker that calls any function; each test leaves it idle."""
+        with closing(cls().make()) as executor:
+            yield executor, _started(executor, "any")
+
+    def test_jobs_are_done_elsewhere_one_after_another(self, idle: _Idle) -> None:
         """By one process, which is not this one, with content of any size."""
-        with closing(self.make()) as executor:
-            worker = _started(executor, "echo")
-            first, second = (_done(executor, worker, job) for job in ("one", b"\0" * 3_000_000))
-            assert first[0] == "one"
-            assert len(second[0]) == 3_000_000
-            assert first[1] == second[1] != here()
-            assert worker.number in (None, first[1][1])
-            assert worker.alive
+        executor, worker = idle
+        jobs = (("echo", "one"), ("echo", b"\0" * 3_000_000))
+        first, second = (_done(executor, worker, job) for job in jobs)
+        assert first[0] == "one"
+        assert len(second[0]) == 3_000_000
+        assert first[1] == second[1] != here()
+        assert worker.number in (None, first[1][1])
+        assert worker.alive
 
-    def test_only_those_are_ready_that_have_answered(self) -> None:
+    def test_only_those_are_ready_that_have_answered(self, idle: _Idle) -> None:
         """The other is busy; an empty list returns at once."""
-        with closing(self.make()) as executor:
-            assert executor.first_ready([], 600.0) == []
-            slow, quick = _started(executor, "sleep"), _started(executor, "echo")
-            slow.take(600)
-            quick.take("quick")
-            heard: list[Worker] = []
-            end_s = time.monotonic() + _PATIENCE_S
-            while not heard and time.monotonic() < end_s:
-                for worker in executor.first_ready([slow, quick]):
-                    if worker.answer() is not None:
-                        heard.append(worker)
-            assert [quick] == heard
+        executor, quick = idle
+        assert executor.first_ready([], 600.0) == []
+        slow = _started(executor, "sleep")
+        slow.take(600)
+        quick.take(("echo", "quick"))
+        heard: list[Worker] = []
+        end_s = time.monotonic() + _PATIENCE_S
+        while not heard and time.monotonic() < end_s:
+            for worker in executor.first_ready([slow, quick]):
+                if worker.answer() is not None:
+                    heard.append(worker)
+        assert [quick] == heard
+        slow.end(gently=False)
 
-    def test_news_come_before_the_answer_in_order(self) -> None:
+    def test_news_come_before_the_answer_in_order(self, idle: _Idle) -> None:
         """All news of code in a worker arrives."""
-        with closing(self.make(1)) as executor:
-            worker = _started(executor, "count")
-            worker.take(3)
-            messages = [_heard(executor, worker) for _ in range(4)]
-            assert messages == [News(0), News(1), News(2), Answer(3)]
+        executor, worker = idle
+        worker.take(("count", 3))
+        messages = [_heard(executor, worker) for _ in range(4)]
+        assert messages == [News(0), News(1), News(2), Answer(3)]
 
-    def test_a_worker_hears_that_it_shall_stop(self) -> None:
+    def test_a_worker_hears_that_it_shall_stop(self, idle: _Idle) -> None:
         """If its code listens."""
-        with closing(self.make(1)) as executor:
-            worker = _started(executor, "wait")
-            worker.take(30)
-            assert News("listening") == _heard(executor, worker)
-            worker.ask_to_stop()
-            assert Answer("asked to stop") == _heard(executor, worker)
+        executor, worker = idle
+        worker.take(("wait", 30))
+        assert News("listening") == _heard(executor, worker)
+        worker.ask_to_stop()
+        assert Answer("asked to stop") == _heard(executor, worker)
 
     def test_what_cannot_make_itself_ready_is_an_error_in_words(self) -> None:
         """The message contains the exception."""
@@ -180,20 +188,22 @@ class ExecutorSuite:
                 _heard(executor, worker)
 
     @pytest.mark.parametrize("job", ["exit", "kill"])
-    def test_one_that_breaks_down_says_so_and_harms_no_other(self, job: str) -> None:
+    def test_one_that_breaks_down_says_so_and_harms_no_other(self, job: str, idle: _Idle) -> None:
         """It was ready; a fresh worker replaces it, and the other goes on."""
-        with closing(self.make()) as executor:
-            worker, other = _started(executor, job), _started(executor, "echo")
-            worker.take(7)
-            ended = _heard(executor, worker)
-            assert isinstance(ended, Ended)
-            assert ended.started
-            assert ended.how
-            assert ended.killed or job == "exit"
-            assert not worker.alive
-            worker.end()
-            assert _done(executor, other, "other")[0] == "other"
-            assert _done(executor, _started(executor, "echo"), "again")[0] == "again"
+        executor, other = idle
+        worker = _started(executor, job)
+        worker.take(7)
+        ended = _heard(executor, worker)
+        assert isinstance(ended, Ended)
+        assert ended.started
+        assert ended.how
+        assert ended.killed or job == "exit"
+        assert not worker.alive
+        worker.end()
+        assert _done(executor, other, ("echo", "other"))[0] == "other"
+        fresh = _started(executor, "echo")
+        assert _done(executor, fresh, "again")[0] == "again"
+        fresh.end()
 
     def test_to_end_one_leaves_nothing_and_twice_does_nothing(self) -> None:
         """In any state, so that clean-up code may end it again."""
@@ -220,11 +230,9 @@ class ExecutorSuite:
         with closing(executor):
             assert _done(executor, _started(executor, "echo"), "more")[0] == "more"
 
-    def test_a_worker_starts_no_others(self) -> None:
+    def test_a_worker_starts_no_others(self, idle: _Idle) -> None:
         """With the reason."""
-        with closing(self.make(1)) as executor:
-            worker = _started(executor, "refusal")
-            assert "may not start others" in _done(executor, worker, None)
+        assert "may not start others" in _done(*idle, ("refusal", None))
 
     def test_verdicts_and_counts_are_those_of_this_process(self) -> None:
         """Checks of a task by workers, with one slot and with two."""

@@ -136,8 +136,8 @@ def test_every_order_keeps_every_cut_between_nodes(instance, seed):
     n = instance.n
     taken = rng.random((n, n)) * (rng.random((n, n)) < 0.4)
     earlier = np.where(ordering.find_open_pairs(instance), rng.random((n, n)), instance.before)
-    tails, heads = np.nonzero(taken)
-    nodes = np.argwhere(~np.eye(n, dtype=np.bool_) & ~instance.before.T)
+    tails, heads = np.array(np.nonzero(taken))
+    nodes = np.ascontiguousarray(np.argwhere(~np.eye(n, dtype=np.bool_) & ~instance.before.T))
     arrive, depart, violated = ordering.separate_between(
         tails, heads, taken[tails, heads], earlier, nodes, 0.05
     )

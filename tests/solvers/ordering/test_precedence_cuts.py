@@ -17,7 +17,7 @@ from skillplan.solvers.ordering.relaxation import precedence_cuts as counted
 
 def all_pairs(before):
     """Return all pairs of nodes, the first before the second."""
-    return np.argwhere(before)
+    return np.ascontiguousarray(np.argwhere(before))
 
 
 def fractional(instance, seed, *, feasible):
@@ -34,7 +34,7 @@ def fractional(instance, seed, *, feasible):
             # Heads in any order at all: circles, and against the precedence.
             values[np.arange(n - 1), 1 + rng.permutation(n - 1)] += weight
     np.fill_diagonal(values, 0.0)
-    tails, heads = np.nonzero(values > 1e-7)
+    tails, heads = np.array(np.nonzero(values > 1e-7))
     return tails, heads, np.minimum(values[tails, heads], 1.0)
 
 

@@ -416,7 +416,7 @@ class PairRelaxation:
         before = program.rows
         taken, earlier = program.taken(values), program.earlier(values)
         self._tie(taken, earlier)
-        tails, heads = np.nonzero(taken > 1e-7)
+        tails, heads = np.array(np.nonzero(taken > 1e-7))
         flow = tails, heads, taken[tails, heads]
         count = self._cut_between(flow, earlier, self._core, _MOST)
         # Without other cuts, all pairs are separated for.

@@ -186,12 +186,26 @@ class CompletionBounds:
         self.slot: Integers = np.where(
             possible, np.cumsum(possible).reshape(possible.shape) - 1, -1
         )
-        heads, tails = np.nonzero(np.isfinite(duals.reduced.T))
+        heads, tails = np.array(np.nonzero(np.isfinite(duals.reduced.T)))
         moved, bars = build_memory_tables(tails, heads, self.near, before)
         first = np.searchsorted(heads, np.arange(n + 1))
         costs = duals.reduced[tails, heads]
         self.ahead: Floats = backward(tails, costs, first, moved, bars, self.slot, moved.shape[1])
         spread(self.ahead, self.near.shape[1])
+
+
+def _list_arcs(instance: OrderingInstance, duals: Duals) -> Arcs:
+    """Return the arcs of finite reduced cost."""
+    # Rows of an array are contiguous, columns of `nonzero` only for a single arc: kernels would be
+    # compiled for both.
+    tails, heads = np.array(np.nonzero(np.isfinite(duals.reduced)))
+    return Arcs(
+        np.searchsorted(tails, np.arange(instance.n + 1)),
+        heads,
+        instance.costs[tails, heads],
+        duals.reduced[tails, heads],
+        pack_words(instance.before),
+    )
 
 
 def _find_neighbours(reduced: Floats, bits: int) -> Integers:
@@ -293,14 +307,7 @@ class _End:
         self.instance = instance
         self.room = cutoff - duals.bound
         self.bounds = CompletionBounds(instance, duals, _BITS)
-        tails, heads = np.nonzero(np.isfinite(duals.reduced))
-        self.arcs = Arcs(
-            np.searchsorted(tails, np.arange(instance.n + 1)),
-            heads,
-            np.ascontiguousarray(instance.costs[tails, heads]),
-            np.ascontiguousarray(duals.reduced[tails, heads]),
-            pack_words(instance.before),
-        )
+        self.arcs = _list_arcs(instance, duals)
         self.charges = build_charges(duals)
         start = make_first_layer(self.arcs.preds.shape[1])
         # If one end was not searched, the other has to search all layers.
@@ -557,14 +564,7 @@ def run_beam(
     n = instance.n
     bounds = CompletionBounds(instance, duals, _BEAM_BITS)
     room = cutoff - duals.bound
-    tails, heads = np.nonzero(np.isfinite(duals.reduced))
-    arcs = Arcs(
-        np.searchsorted(tails, np.arange(n + 1)),
-        heads,
-        instance.costs[tails, heads],
-        duals.reduced[tails, heads],
-        pack_words(instance.before),
-    )
+    arcs = _list_arcs(instance, duals)
     charges = build_charges(duals)
     limits = Limits(room, False, room, width, False)
     labels = make_first_layer(arcs.preds.shape[1])
