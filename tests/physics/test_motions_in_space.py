@@ -127,6 +127,29 @@ def test_jaws_that_close_along_the_insertion_go_back_as_they_point():
     assert motion_of(along).retreat[1][2] > motion_of(along).tip[2]
 
 
+def test_jaws_that_held_a_wall_of_a_frame_go_back_as_they_point():
+    """Else the one inside would take the frame along."""
+    walls = [
+        {"size_m": size_m, "centre_m": [side * x_m, side * y_m, 0.01]}
+        for side in (-1, 1)
+        for size_m, x_m, y_m in (
+            ([0.01, 0.06, 0.02], 0.025, 0.0),
+            ([0.04, 0.01, 0.02], 0.0, 0.025),
+        )
+    ]
+    bar = {key: value for key, value in BAR["parts"]["bar"].items() if key != "size_m"}
+    frame = {**BAR, "parts": {"bar": {**bar, "boxes": walls}}}
+    across = Grasp(GraspKind.JAWS, (0.0, -0.025, 0.01), AXES["y"], 0.01)
+    for grasp, goes_back in (
+        (across, False),
+        (replace(across, tip=(0, 0, 0.01), width_m=0.06), True),
+    ):
+        sideways = place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08, grasp=grasp)
+        motion = motion_of(sideways, board=frame)
+        assert (motion.retreat[1] == motion.approach[1]) == goes_back
+        assert (motion.retreat[1][:2] == motion.tip[:2]) != goes_back
+
+
 directions = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 0.2)).filter(
     lambda v: math.hypot(*v) > 0.1
 )
