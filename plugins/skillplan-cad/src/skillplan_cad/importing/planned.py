@@ -40,7 +40,7 @@ from skillplan_cad.writing.build_task import build_task
 from skillplan_cad.writing.grouped_task import build_grouped_task
 from skillplan_cad.writing.held_part import GRIPPERS, KnownHolds, PartHolds
 from skillplan_cad.writing.lanes import PLAY_M
-from skillplan_cad.writing.pieces_proof import ProvedPieces
+from skillplan_cad.writing.pieces_proof import Cuts, ProvedPieces
 from skillplan_cad.writing.task_document import TaskNest, WrittenTask
 from skillplan_cad.writing.upright import Upright
 
@@ -451,7 +451,7 @@ def _write_task(
     tolerance_m = settings.tolerance_mm / 1000
     loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
     remarks = list_thinned(findings.product, joints, tolerance_m, loose)
-    arm, longer, known = settings.robot, None, KnownHolds()
+    arm, longer, known, cuts = settings.robot, None, KnownHolds(), Cuts()
     if arm == AUTO_ARM:
         placed = [part for part in loose if part.name in bearing.order]
         holds = PartHolds(loose, relation, plan.base, bearing.up, None, known)
@@ -476,6 +476,7 @@ def _write_task(
         holding=settings.holding,
         turning=settings.turning,
         known=known,
+        cuts=cuts,
         nesting=settings.nesting,
     )
     first, arm = arm, task.document["robot"]["model"] if task.document else arm
@@ -492,6 +493,7 @@ def _write_task(
         without,
         remarks,
         writing,
+        cuts,
         holding=settings.holding,
         nesting=settings.nesting,
     )

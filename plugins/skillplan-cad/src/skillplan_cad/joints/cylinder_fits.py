@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,10 +82,11 @@ def _is_same(first: Face, second: Face) -> bool:
 
 def _find_shared_m(shaft: Face, hole: Face) -> tuple[float, float] | None:
     """Return the interval of the axis on which a shaft is in a hole, or None."""
-    if np.linalg.norm(np.cross(shaft.axis, hole.axis)) > _PARALLEL_RAD:
-        return None
     difference = hole.radius_m - shaft.radius_m
     if not -_NARROWER * shaft.radius_m <= difference <= max(_WIDER * shaft.radius_m, _WIDER_M):
+        return None
+    (a, b, c), (x, y, z) = shaft.axis, hole.axis
+    if math.hypot(b * z - c * y, c * x - a * z, a * y - b * x) > _PARALLEL_RAD:
         return None
     if _measure_offset_m(shaft, hole) > max(abs(difference), 0.02 * shaft.radius_m):
         return None

@@ -61,6 +61,7 @@ def build_task(
     *,
     holding: bool = False,
     known: KnownHolds | None = None,
+    cuts: Cuts | None = None,
     nesting: bool = False,
     turning: bool = False,
 ) -> WrittenTask:
@@ -91,13 +92,15 @@ def build_task(
         True if parts that do not stay may be held by supports of their own, as in `bearing`.
     known
         Tools and grasps that were found before.
+    cuts
+        Pieces of parts that were found before, also in other products.
     nesting
         True if a base that later parts would push aside stands in a nest.
     turning
         True if a workholder may turn the product, which takes supports.
     """
     watch = watch or Watch()
-    cuts, known = Cuts(product), known or KnownHolds()
+    cuts, known = cuts or Cuts(), known or KnownHolds()
 
     def build(
         bearing: Bearing,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_cad.product import Points, Triangles, make_solid
-from skillplan_cad.writing.lanes import Lane, measure_depth_mm, measure_thickness
+from skillplan_cad.writing.lanes import Lane, assign_bodies, measure_depth_mm, measure_thickness
 
 Mesh = tuple[Points, Triangles]
 Pieces = tuple[Mesh, ...]
@@ -206,15 +206,20 @@ def _find_worst_gap(
         The lane in the hull.
     """
     worst, where = 0.0, body
+    gaps = (hull - body).decompose()
+    nothing = manifold3d.Manifold()
     is_free = lane is None or measure_thickness(lane.solid) <= _FILM_MM
-    for gap in (hull - body).decompose():
+    spaces = assign_bodies(nothing if lane is None or is_free else lane.solid, gaps)
+    jaws = assign_bodies(nothing if lane is None else lane.jaws, gaps)
+    for gap, space, held in zip(gaps, spaces, jaws, strict=True):
         excess = 0.0
-        if lane is not None and not is_free:
-            reach = lane.measure_reach_mm(gap) / _TO_MM / min(lane.allowed_m, allowed_m)
+        if lane is not None and space:
+            reach = lane.measure_reach_mm(gap, space) / _TO_MM / min(lane.allowed_m, allowed_m)
             # No part goes into a hole that is not cut to the end.
             excess = _FIRST * reach if reach > 1 else 0.0
-        if lane is not None and not excess and not lane.jaws.is_empty():
-            reach = 2 * measure_thickness(gap ^ lane.jaws) / _TO_MM / allowed_m
+        if not excess and held:
+            jaw = manifold3d.Manifold.compose(held)
+            reach = 2 * measure_thickness(jaw) / _TO_MM / allowed_m
             excess = _SECOND * reach if reach > 1 else 0.0
         sides_mm = np.ptp(np.reshape(gap.bounding_box(), (2, 3)), axis=0)
         if max(excess, worst) < float(np.linalg.norm(sides_mm)) / _TO_MM / allowed_m:

@@ -328,7 +328,10 @@ def _crop_to_ways(
     low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
     room = _REACH_M * _TO_MM
     box = manifold3d.Manifold.cube(tuple((high - low + 2 * room).tolist()))
-    return other ^ box.translate(tuple((low - room).tolist()))
+    near = other ^ box.translate(tuple((low - room).tolist()))
+    # Made at once, or each part of it would be cut from the whole solid.
+    near.num_tri()
+    return near
 
 
 class _Hull:

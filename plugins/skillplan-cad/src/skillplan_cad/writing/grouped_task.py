@@ -20,7 +20,7 @@ from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.relation import Blocking, Contact, Fastener, LeftOut, Relation, RelationPart
 from skillplan_cad.writing.build_task import build_task
-from skillplan_cad.writing.pieces_proof import ProvedPieces
+from skillplan_cad.writing.pieces_proof import Cuts, ProvedPieces
 from skillplan_cad.writing.task_document import (
     HOLDERS,
     Item,
@@ -68,6 +68,7 @@ def build_grouped_task(
     without: Mapping[str, LeftOut],
     remarks: Mapping[str, Sequence[str]],
     watch: Watch,
+    cuts: Cuts,
     *,
     holding: bool,
     nesting: bool,
@@ -78,14 +79,14 @@ def build_grouped_task(
     ----------
     ungrouped
         Task without the parts of groups, which stays unless more parts come with them.
-    robot, without, remarks, holding, nesting
+    robot, without, remarks, cuts, holding, nesting
         As for `build_task`.
     """
     up, built = ungrouped.bearing.up, dict[Group, WrittenTask]()
     for group in find_parted_groups(product, relation, ungrouped.bearing, without):
         if {*group.parts} <= ungrouped.names.keys() or watch.must_stop():
             continue
-        own = _build_group(product, relation, plan, group, up, robot, remarks, watch, nesting)
+        own = _build_group(product, relation, plan, group, up, robot, remarks, watch, cuts, nesting)
         if own is not None:
             built[group] = own
     if not built:
@@ -101,6 +102,7 @@ def build_grouped_task(
         left_out,
         remarks,
         watch=watch,
+        cuts=cuts,
         holding=holding,
         nesting=nesting,
     )
@@ -339,6 +341,7 @@ def _build_group(
     robot: str,
     remarks: Mapping[str, Sequence[str]],
     watch: Watch,
+    cuts: Cuts,
     nesting: bool,
 ) -> WrittenTask | None:
     """Return the task that builds a group by itself, or None if one arm cannot."""
@@ -357,6 +360,7 @@ def _build_group(
         None,
         remarks,
         watch=watch,
+        cuts=cuts,
         nesting=nesting,
     )
     entries = task.document.get("parts", {}).values()

@@ -26,18 +26,24 @@ MOST_HOVER_M = 5e-4
 """Greatest height over its seat from which a screw is driven home [m]."""
 
 Floats = NDArray[np.float64]
+# Spaces [mm] by a part, another one, the way in which it comes, its clearance [m], and if driven.
+Sweeps = dict[tuple[Part, Part, bytes, float, bool], manifold3d.Manifold]
 
 _TO_MM = 1e3
 # Share of a clearance that pieces may fill, and the widest clearance that is kept free [m].
 _CLEARANCE_SHARE, _WIDEST_M = 0.2, 3e-4
 # Smallest cosine between the move and the normal of a face that points ahead.
 _AHEAD = 1e-6
+# Smallest cosine of a face that is square to the move.
+_SQUARE = 1 - 1e-9
 # Thickness above which a gap may be a recess of a wall [mm]. It is in the way of a part if it
 # reaches into its lane by more than the clearance and a share of it.
 _RECESS_MM, _FURTHER = 0.3, 1.25
 # Difference of sizes of lanes that are one, as a share, and of places of their jaws.
-_SAME_SIZE, _SAME_PLACE_MM = 1e-6, 1e-3
+_SAME_SIZE, _SAME_PLACE_MM = 1e-4, 1e-3
 _LEAST_MM, _LEAST_MM3 = 1e-3, 1e-3
+# Thickness of bodies, and size of details, that lanes do without.
+_FILM_MM = 1e-3
 # Number of triangles up to which a mesh is swept, and the tolerances to which others are simplified
 # [mm]; their hull is swept if that does not suffice.
 _MANY_FACES, _TOLERANCES_MM = 6000, (0.01, 0.05, 0.2)
@@ -81,9 +87,19 @@ class Lane:
             for points in hulls
         )
 
-    def measure_reach_mm(self, gap: manifold3d.Manifold) -> float:
-        """Return the depth to which a gap of a piece is in the way of a part [mm]."""
-        reach_mm = measure_depth_mm(gap ^ self.solid)
+    def measure_reach_mm(
+        self, gap: manifold3d.Manifold, bodies: Sequence[manifold3d.Manifold] | None = None
+    ) -> float:
+        """Return the depth to which a gap of a piece is in the way of a part [mm].
+
+        Parameters
+        ----------
+        bodies
+            Bodies of the space in the gap, if they are known.
+        """
+        # A gap between the faces of a curved wall is a wedge.
+        bodies = (gap ^ self.solid).decompose() if bodies is None else bodies
+        reach_mm = 2 * max(map(measure_thickness, bodies), default=0.0)
         is_recess = measure_thickness(gap) > _RECESS_MM
         return (
             0.0 if is_recess and reach_mm < 2 * _FURTHER * self.clearance_m * _TO_MM else reach_mm
@@ -112,6 +128,30 @@ def measure_depth_mm(solid: manifold3d.Manifold) -> float:
     return 2 * max(map(measure_thickness, solid.decompose()), default=0.0)
 
 
+def assign_bodies(
+    space: manifold3d.Manifold, gaps: Sequence[manifold3d.Manifold]
+) -> list[list[manifold3d.Manifold]]:
+    """Return the bodies of a space in each of the gaps that contain it.
+
+    A body that only one of the boxes around gaps contains is not cut by others.
+    """
+    lists: list[list[manifold3d.Manifold]] = [[] for _ in gaps]
+    boxes_mm = np.array([gap.bounding_box() for gap in gaps]).reshape(-1, 2, 3)
+    for body in space.decompose():
+        low_mm, high_mm = np.reshape(body.bounding_box(), (2, 3))
+        contains = (boxes_mm[:, 0] < low_mm + _SAME_PLACE_MM) & (
+            boxes_mm[:, 1] > high_mm - _SAME_PLACE_MM
+        )
+        around = np.flatnonzero(contains.all(axis=1)).tolist()
+        if len(around) == 1:
+            lists[around[0]].append(body)
+            continue
+        meets = (boxes_mm[:, 0] < high_mm) & (boxes_mm[:, 1] > low_mm)
+        for number in np.flatnonzero(meets.all(axis=1)).tolist():
+            lists[number] += (gaps[number] ^ body).decompose()
+    return lists
+
+
 class Lanes:
     """Finds the space of other parts in the concave parts of each.
 
@@ -121,6 +161,8 @@ class Lanes:
         Returns the other parts in the order with their moves past a part in its pose.
     drawn_m, overlaps_m
         Clearances as drawn, and depths of press fits, by the names of both parts [m].
+    sweeps
+        Spaces that were found before, also with other orders and products.
     """
 
     def __init__(
@@ -131,8 +173,10 @@ class Lanes:
         list_moves: Callable[[str], list[tuple[str, Floats]]],
         drawn_m: Mapping[frozenset[str], float],
         overlaps_m: Mapping[frozenset[str], float],
+        sweeps: Sweeps,
     ) -> None:
         self._product, self._relation, self._upright = product, relation, upright
+        self._sweeps = sweeps
         self._list_part_moves, self._drawn_m = list_moves, drawn_m
         self._overlaps_m = overlaps_m
         self._corners: dict[str, tuple[Points, bool]] = {}
@@ -159,23 +203,17 @@ class Lanes:
         concave = solid.hull() - solid
         if concave.volume() < _LEAST_MM3:
             return None
-        own = self._upright.of(part.name)
-        room = np.array(concave.bounding_box()).reshape(2, 3)
-        bottom = np.array(own.bottom(part))
         spaces, widest_m = list[manifold3d.Manifold](), 0.0
         for other, along in self._list_moves(part.name):
             pair = frozenset((part.name, other.name))
             drawn_m = self._drawn_m.get(pair, 0.0)
             clearance_m = (1 - _CLEARANCE_SHARE) * min(max(drawn_m, PLAY_M), _WIDEST_M)
-            shift = (own.offset_m - bottom) * _TO_MM
-            corners, is_convex = self._list_corners(other)
-            moved = corners @ own.matrix.T + shift
-            swept = _sweep_faces(moved, along, clearance_m * _TO_MM, room, is_convex=is_convex)
-            sweep = _unite(swept)
+            space = self._sweep(part, other, along, clearance_m, concave)
             # The waist that a press fit leaves is none: all of the part has to pass.
-            if measure_thickness(sweep ^ concave) > self._overlaps_m.get(pair, 0.0) * _TO_MM:
-                spaces.append(sweep)
+            if measure_thickness(space) > self._overlaps_m.get(pair, 0.0) * _TO_MM:
+                spaces.append(space)
                 widest_m = max(widest_m, clearance_m)
+        room = np.array(concave.bounding_box()).reshape(2, 3)
         near = [
             box * _TO_MM
             for box in jaws
@@ -183,11 +221,37 @@ class Lanes:
             and (box.max(axis=0) * _TO_MM > room[0]).all()
         ]
         # Engines let jaws pass where the mesh does.
-        held = _unite(list(map(manifold3d.Manifold.hull_points, near))) ^ concave
-        space = _unite(spaces) ^ concave
+        held = _simplify(_unite(list(map(manifold3d.Manifold.hull_points, near))) ^ concave)
+        space = _simplify(_unite(spaces))
         if space.volume() + held.volume() < _LEAST_MM3:
             return None
         return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M, held)
+
+    def _sweep(
+        self,
+        part: Part,
+        other: Part,
+        along: Floats,
+        clearance_m: float,
+        concave: manifold3d.Manifold,
+    ) -> manifold3d.Manifold:
+        """Return the space that another part passes in the concave parts of one.
+
+        It is found once for parts that stand and come alike.
+        """
+        own, is_driven = self._upright.of(part.name), other.name in self._relation.driven
+        place = np.round([*concave.bounding_box(), concave.volume()], 4)
+        way = np.concatenate([place, np.round(along, 9), own.matrix.ravel()]).tobytes()
+        key = part, other, way, clearance_m, is_driven
+        if key not in self._sweeps:
+            shift = (own.offset_m - np.array(own.bottom(part))) * _TO_MM
+            corners, is_convex = self._list_corners(other)
+            moved = corners @ own.matrix.T + shift
+            rooms = np.array([body.bounding_box() for body in concave.decompose()])
+            rooms = rooms.reshape(-1, 2, 3)
+            swept = _sweep_faces(moved, along, clearance_m * _TO_MM, rooms, is_convex=is_convex)
+            self._sweeps[key] = _unite(swept) ^ concave
+        return self._sweeps[key]
 
     def _list_moves(self, name: str) -> Iterator[tuple[Part, Floats]]:
         """Yield the parts and screws that come along a part, with their move in its pose."""
@@ -246,33 +310,75 @@ def _unite(solids: Sequence[manifold3d.Manifold]) -> manifold3d.Manifold:
     return whole
 
 
+def _simplify(solid: manifold3d.Manifold) -> manifold3d.Manifold:
+    """Return a solid without bodies and details that are thinner than a film."""
+    bodies = [body for body in solid.decompose() if measure_thickness(body) > _FILM_MM]
+    return manifold3d.Manifold.compose(bodies).simplify(_FILM_MM)
+
+
 def _sweep_faces(
-    corners: Points, along: Floats, clearance_mm: float, room: Floats, *, is_convex: bool
+    corners: Points, along: Floats, clearance_mm: float, rooms: Floats, *, is_convex: bool
 ) -> list[manifold3d.Manifold]:
-    """Return the space in a box through which the faces ahead of a moved mesh come.
+    """Return the space near boxes through which the faces ahead of a moved mesh come.
 
     Parameters
     ----------
     corners
         Corners of triangles, shape (n, 3, 3) [mm].
-    room
-        Lowest and highest corner of the box [mm].
+    rooms
+        Lowest and highest corner of each box, shape (boxes, 2, 3) [mm].
     is_convex
         True if the mesh is, so that its sweep is one hull.
     """
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(across, axis=1)
-    corners = corners[across @ along > _AHEAD * lengths]
-    box = np.stack(np.meshgrid(*room.T), axis=-1).reshape(-1, 3)
+    ahead = across @ along
+    corners, is_square = corners[ahead > _AHEAD * lengths], ahead > _SQUARE * lengths
+    is_square = is_square[ahead > _AHEAD * lengths]
+    low, high = rooms[:, 0].min(axis=0), rooms[:, 1].max(axis=0)
+    box = np.stack(np.meshgrid(*np.stack([low, high], axis=1)), axis=-1).reshape(-1, 3)
     length = float((corners @ along).max(initial=-np.inf) - (box @ along).min())
     if length <= 0:
         return []
     side = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    sides = np.stack([side, np.cross(along, side)]) * clearance_mm / np.linalg.norm(side)
-    offsets = np.concatenate([[[1, 1], [1, -1], [-1, 1], [-1, -1]] @ sides] * 2)
+    side /= np.linalg.norm(side)
+    frame = np.stack([side, np.cross(along, side), along])
+    around = clearance_mm * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    offsets = np.concatenate([around @ frame[:2]] * 2)
     offsets[4:] -= along * length
     prisms = (corners[:, :, None] + offsets).reshape(1 if is_convex else len(corners), -1, 3)
-    is_near = (prisms.min(axis=1) < room[1]).all(axis=1) & (prisms.max(axis=1) > room[0]).all(
-        axis=1
-    )
-    return [manifold3d.Manifold.hull_points(points) for points in prisms[is_near]]
+    lows, highs = prisms.min(axis=1), prisms.max(axis=1)
+    is_near = np.zeros(len(prisms), dtype=bool)
+    for low, high in rooms:
+        is_near |= (lows < high).all(axis=1) & (highs > low).all(axis=1)
+    if is_convex:
+        return [manifold3d.Manifold.hull_points(points) for points in prisms[is_near]]
+    slanted, square = prisms[is_near & ~is_square], corners[is_near & is_square]
+    return [
+        *map(manifold3d.Manifold.hull_points, slanted),
+        *_sweep_square(square @ frame.T, around, length, frame),
+    ]
+
+
+def _sweep_square(
+    corners: Points, around: Floats, length: float, frame: Floats
+) -> Iterator[manifold3d.Manifold]:
+    """Yield the sweeps of faces square to their move, one for each height.
+
+    Parameters
+    ----------
+    corners
+        Corners of triangles along the axes of the frame [mm].
+    around
+        Offsets of the corners across the move [mm].
+    frame
+        Two directions across the move, and the move.
+    """
+    heights = np.round(corners[:, 0, 2], 6)
+    for height in np.unique(heights).tolist():
+        outlines = (corners[heights == height, :, None, :2] + around).reshape(-1, 12, 2)
+        section = manifold3d.CrossSection.batch_boolean(
+            list(map(manifold3d.CrossSection.hull_points, outlines)), manifold3d.OpType.Add
+        )
+        shift = frame[2] * (height - length)
+        yield section.extrude(length).transform(np.column_stack([*frame, shift]))

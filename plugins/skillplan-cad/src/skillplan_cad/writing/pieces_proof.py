@@ -24,7 +24,7 @@ from skillplan_cad.writing.convex_pieces import (
     measure_excess_m,
 )
 from skillplan_cad.writing.fit_play import FitPlay, Loosened, Played
-from skillplan_cad.writing.lanes import Lane, Lanes, measure_thickness
+from skillplan_cad.writing.lanes import Lane, Lanes, Sweeps, measure_thickness
 from skillplan_cad.writing.upright import Upright
 
 Mesh = tuple[Points, Triangles]
@@ -111,7 +111,7 @@ class PieceProof:
     upright
         Pose of the product.
     cuts
-        Pieces that other orientations have computed.
+        Pieces that other orientations and products have computed.
     watch
         Progress reports, and requests to stop.
     """
@@ -127,8 +127,17 @@ class PieceProof:
     ) -> None:
         self._product, self._relation, self._upright = product, relation, upright
         self._watch = watch
-        self._play = play = FitPlay(product, relation, plan, upright, cuts.fits)
-        lanes = Lanes(product, relation, upright, play.list_moves, play.drawn_m, play.overlaps_m)
+        fits = find_cylinder_fits(product)
+        self._play = play = FitPlay(product, relation, plan, upright, fits)
+        lanes = Lanes(
+            product,
+            relation,
+            upright,
+            play.list_moves,
+            play.drawn_m,
+            play.overlaps_m,
+            cuts.sweeps,
+        )
         self._cutter = _Cutter(upright, lanes, cuts)
         self._meshes: dict[str, Sequence[Mesh]] = {}
         self._pieces: dict[str, tuple[Pieces, ...]] = {}
@@ -247,10 +256,10 @@ class PieceProof:
 
 
 class Cuts:
-    """Pieces of shapes, which parts and orientations share, and the fits of a product."""
+    """Pieces of shapes and sweeps of parts, which orientations and sub-assemblies share."""
 
-    def __init__(self, product: Product) -> None:
-        self.fits = find_cylinder_fits(product)
+    def __init__(self) -> None:
+        self.sweeps: Sweeps = {}
         # By the numbers of corners and triangles, and the allowed excess.
         self._made: dict[tuple[int, int, float], list[_Cut]] = {}
 
@@ -276,17 +285,16 @@ class Cuts:
                 pieces = cut.turn(vertices_m, triangles) if is_same else None
                 if pieces is None:
                     continue
+                if lane is None or lane.is_like(cut.lane):
+                    return pieces, 0.0 if lane is None else cut.excess_m
                 excess_m = measure_excess_m(pieces, vertices_m, triangles, lane)
-                if (
-                    lane is None
-                    or (excess_m <= lane.allowed_m and lane.frees_jaws(at for at, _ in pieces))
-                    or lane.is_like(cut.lane)
-                ):
+                if excess_m <= lane.allowed_m and lane.frees_jaws(at for at, _ in pieces):
                     return pieces, excess_m
         pieces = decompose_convex(vertices_m, triangles, allowed_m, hollows, lane)
-        cut = _Cut(vertices_m, triangles, lane, pieces)
+        excess_m = measure_excess_m(pieces, vertices_m, triangles, lane)
+        cut = _Cut(vertices_m, triangles, lane, pieces, excess_m)
         self._made.setdefault((*key, allowed_m), []).append(cut)
-        return pieces, measure_excess_m(pieces, vertices_m, triangles, lane)
+        return pieces, excess_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -297,6 +305,7 @@ class _Cut:
     triangles: Triangles
     lane: Lane | None
     pieces: Pieces
+    excess_m: float
 
     def turn(self, vertices_m: Points, triangles: Triangles) -> Pieces | None:
         """Return the pieces for a mesh that is moved as a rigid body, or None."""
