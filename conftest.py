@@ -32,6 +32,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 gc.disable()
 
 
+# The machine loses no power during a test: to wait for the disk would only take time.
+os.fsync = os.fstat
+
+
 # A shell that runs the suite in the background has all of it ignore Ctrl-C, and nohup the end of
 # the terminal; the programs that tests start would ignore them, too.
 if threading.current_thread() is threading.main_thread():

@@ -321,7 +321,7 @@ def test_on_a_lattice_it_counts_the_fewest_swings(rows, cols):
     goal = np.zeros(bench.n_positions, dtype=np.bool_)
     goal[bench.n_positions // 2] = True
     offsets = np.arange(bench.n_positions + 1) * bench.actions
-    costs = compute_costs_to_go(offsets, bench.successors.ravel(), goal)
+    costs = compute_costs_to_go(offsets, bench.successors.flatten(), goal)
     assert (costs.costs == bench.distances(bench.n_positions // 2)).all()
 
 

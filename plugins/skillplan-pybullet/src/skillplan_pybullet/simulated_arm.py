@@ -12,6 +12,7 @@ from pydantic import Field
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
+from skillplan_pinocchio.kinematics.fixed_order import cross
 from skillplan_pybullet.control import (
     Dynamics,
     PinocchioDynamics,
@@ -253,7 +254,7 @@ class SimulatedArm(Arm):
         tip = self.tip().position
         for name in self.bears:
             weight_n = np.array([0.0, 0.0, self.world.mass_kg(name) * GRAVITY_M_PER_S2])
-            moment_nm += np.cross(self.world.centre(name) - tip, weight_n)
+            moment_nm += cross(self.world.centre(name) - tip, weight_n)
         if points_down(self.setpoint.rotation) and is_balanced(moment_nm):
             return lift_n, np.zeros(3)
         return lift_n, moment_nm
