@@ -175,7 +175,7 @@ def test_a_case_is_moved_and_filled_in_one_plan():
 TUB = """
 kind: assembly
 name: tub
-robot: {model: ur5e, home_m: [0.40, -0.10], safe_height_m: 0.20}
+robot: {model: ur5e, home_m: [0.45, -0.05], safe_height_m: 0.15}
 tools: {gripper: {type: gripper, opening_m: 0.080, holder_m: [0.20, 0.45]}}
 initial_tool: gripper
 parts:
@@ -184,15 +184,15 @@ parts:
     mass_kg: 0.12
     meshes: [{file: tub.obj}]
     grasp: {closing_axis: x, depth_m: 0.02}
-    start_m: [0.45, -0.30]
-    goal_m: [0.60, 0.05]
+    start_m: [0.45, -0.10]
+    goal_m: [0.50, 0.05]
   core:
     tool: gripper
     mass_kg: 0.05
     size_m: [0.030, 0.030, 0.040]
     grasp: {closing_axis: x, depth_m: 0.01}
-    start_m: [0.30, -0.30]
-    goal_m: [0.60, 0.05]
+    start_m: [0.35, -0.05]
+    goal_m: [0.50, 0.05]
     goal_on: tub
 """
 
