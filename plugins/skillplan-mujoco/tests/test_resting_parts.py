@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,6 +24,20 @@ def placed(task: Task, *names: str) -> World:
         goal = task.skill(f"place({name})").motion.routes[0].visits[-1].pose
         world.add(task.scene.body(name), goal)
     return world
+
+
+def task_of(parts: dict[str, dict[str, Any]]) -> Task:
+    """Return a task of parts for a gripper."""
+    return assembly(
+        {
+            "kind": "assembly",
+            "name": "apart",
+            "robot": {"home_m": [0.307, 0.0], "safe_height_m": 0.15},
+            "tools": {"gripper": {"holder_m": [0.6, -0.3]}},
+            "initial_tool": "gripper",
+            "parts": {name: {"tool": "gripper", **part} for name, part in parts.items()},
+        }
+    )
 
 
 def advance(world: World, duration_s: float) -> None:
@@ -47,23 +62,20 @@ def test_a_round_part_in_a_hole_does_not_creep():
     assert world.pose("shaft").position[2] < settled["shaft"].position[2] - 0.01
 
 
+def test_a_part_far_from_the_arm_stands_on_the_table():
+    block = {"size_m": [0.04, 0.04, 0.04], "start_m": [0.3, -0.2], "goal_m": [1.7, -0.2]}
+    world = placed(task_of({"block": block}), "block")
+    advance(world, 0.1)
+    assert abs(world.pose("block").position[2]) < 1e-4
+
+
 @pytest.mark.parametrize("gap_m", [0.0001, 0.0004, 0.0006, 0.003])
 def test_what_is_near_is_known_to_a_micrometre(gap_m):
     """Of a cylinder on its side, beside a box."""
     rod = {"cylinder": {"diameter_m": 0.02, "height_m": 0.08}, "start_m": [0.3, 0.2]}
     block = {"size_m": [0.04, 0.04, 0.04], "start_m": [0.3, -0.2]}
     parts = {"rod": {**rod, "goal_m": [0.5, 0.2]}, "block": {**block, "goal_m": [0.5, -0.2]}}
-    task = assembly(
-        {
-            "kind": "assembly",
-            "name": "apart",
-            "robot": {"home_m": [0.307, 0.0], "safe_height_m": 0.15},
-            "tools": {"gripper": {"holder_m": [0.6, -0.3]}},
-            "initial_tool": "gripper",
-            "parts": {name: {"tool": "gripper", **part} for name, part in parts.items()},
-        }
-    )
-    world = placed(task, "rod", "block")
+    world = placed(task_of(parts), "rod", "block")
     half = math.sqrt(0.5)
     world.put("block", Pose((0.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
     world.put("rod", Pose((0.5, 0.03 + gap_m, 0.02), (0.0, half, 0.0, half)))

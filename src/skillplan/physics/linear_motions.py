@@ -436,7 +436,7 @@ def _plan_stretches(
 def _meets_walls(visit: Visit, grasp: Grasp, body: Body) -> bool:
     """Return whether jaws that go back along an insertion may meet the part that they held.
 
-    So do those that held a wall of a frame. Where they point, they came past it on the pick.
+    One of them may be inside a frame. On the pick they came past it in the direction they point.
     """
     back = visit.pose.inverse().rotate(plus((0.0, 0.0, 0.0), visit.along, -1.0))
     out = plus((0.0, 0.0, 0.0), grasp.approach, -1.0)

@@ -224,7 +224,8 @@ Vector = NDArray[np.float64]
 
 TIP = "tip"
 
-_TABLE_HALF_M = (1.5, 1.5, 0.05)
+# Least half width of the table, its width beyond the places of bodies, and half its thickness [m].
+_TABLE_M, _AROUND_M, _THICK_M = 1.5, 0.3, 0.05
 # Ratio of frictional to normal impedance, and iterations of the solver.
 _FRICTION_RATIO, _SOLVER_STEPS = 20.0, 100
 # Iterations and tolerance [-] of the solver's line searches. With MuJoCo's 50 and 0.01 a search
@@ -277,8 +278,12 @@ def build_cell_spec(
     spec.compiler.balanceinertia = True
     spec.compiler.degree = False
     world = spec.worldbody
-    table = world.add_body(name=TABLE, pos=(0.0, 0.0, -_TABLE_HALF_M[2]))
-    set_contact(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
+    table = world.add_body(name=TABLE, pos=(0.0, 0.0, -_THICK_M))
+    places = (item.pose.position for body in bodies for item in body.placements)
+    farthest_m = max((abs(value) for x, y, _ in places for value in (x, y)), default=0.0)
+    half_m = max(_TABLE_M, farthest_m + _AROUND_M)
+    size_m = (half_m, half_m, _THICK_M)
+    set_contact(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size_m), friction)
     _add_arm(spec, robot, hands, friction)
     for number, body in enumerate(bodies):
         _add_part(spec, body, number, friction)

@@ -130,7 +130,7 @@ class GuideSearch:
     def of(self, motions: Sequence[LinearMotion], state: State) -> dict[str, Guides]:
         """Return the guides of the parts that a skill puts into place.
 
-        A body guides a part if the part lies beside it at the end and passes it on its way.
+        A body guides a part if the part lies next to it at the end and passes it on its way.
         """
         guides = {}
         for visit in (motion.visit for motion in motions):
