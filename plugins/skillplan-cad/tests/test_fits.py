@@ -324,8 +324,8 @@ def pinned(tmp_path_factory):
     for number, (hole_mm, pin_mm, x_mm) in enumerate(
         zip(HOLES_MM, PINS_MM, PLACES_MM, strict=True)
     ):
-        hole = manifold3d.Manifold.cylinder(10, hole_mm, hole_mm, 36)
-        pin = manifold3d.Manifold.cylinder(25, pin_mm, pin_mm, 48)
+        hole = manifold3d.Manifold.cylinder(10, hole_mm, hole_mm, 24)
+        pin = manifold3d.Manifold.cylinder(25, pin_mm, pin_mm, 32)
         block -= hole.translate((x_mm, 15, 10))
         solids[f"pin_{number}"] = pin.translate((x_mm, 15, 10))
     block -= manifold3d.Manifold.cube((12, 12, 10), True).translate((0, -15, 15))
