@@ -222,6 +222,8 @@ class ArmModel:
         Home posture [rad], shape (joints,).
     pieces
         Shapes of the links.
+    known_strokes
+        Joint paths of motions that were planned before.
     """
 
     def __init__(
@@ -242,11 +244,12 @@ class ArmModel:
         self.model = self.serial.model
         self.pieces = collect_link_pieces(description)
         self._data = self.model.createData()
+        self.known_strokes: dict[tuple[Any, ...], Any] = {}
 
-    @classmethod
-    def of(cls, robot: Robot) -> ArmModel:
-        """Return the arm of a scene's robot."""
-        return cls(robot.base, robot.model, robot.base_orientation, robot.hand)
+    @staticmethod
+    def of(robot: Robot) -> ArmModel:
+        """Return the arm of a scene's robot; equal robots share it."""
+        return _build_arm(robot.base, robot.model, robot.base_orientation, robot.hand)
 
     @cached_property
     def inverse(self) -> NumericInverse:
@@ -310,6 +313,13 @@ class ArmModel:
             placements.append([placement.homogeneous for placement in self._data.oMi[1:]])
         array = np.array(placements)
         return array[..., :3, :3], array[..., :3, 3]
+
+
+@lru_cache(maxsize=4)
+def _build_arm(
+    base: Point, description: ArmDescription, orientation: Quaternion, hand: Hand
+) -> ArmModel:
+    return ArmModel(base, description, orientation, hand)
 
 
 def make_pose_down(position: Point, closing_yaw_rad: float) -> Any:

@@ -10,10 +10,10 @@ ranges.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
+from functools import cached_property, partial
+from itertools import count, islice, pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -51,6 +51,8 @@ _POSTURES = 6
 _TRIES = 24
 # Directions with a cosine below this differ.
 _STRAIGHT = 1 - 1e-9
+# Number of motions whose paths are kept.
+_MOST_KNOWN = 4_000
 _HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 
@@ -442,6 +444,55 @@ def iterate_strokes(
             yield joints
             continue
         yield _plan_along(arm, motion, joints)
+
+
+class _Recalled(Iterable[Strokes | Unreachable]):
+    """Paths that are found one after another, and kept."""
+
+    def __init__(self, find: Callable[[], Iterator[Strokes | Unreachable]]) -> None:
+        self._find = find
+        self._rest: Iterator[Strokes | Unreachable] | None = None
+        self._known: list[Strokes | Unreachable] = []
+        self._is_whole = False
+
+    def __iter__(self) -> Iterator[Strokes | Unreachable]:
+        for number in count():
+            if number == len(self._known) and not self._is_whole:
+                self._extend()
+            if number == len(self._known):
+                return
+            yield self._known[number]
+
+    def _extend(self) -> None:
+        try:
+            if self._rest is None:
+                self._rest = islice(self._find(), len(self._known), None)
+            strokes = next(self._rest, None)
+            if strokes is None:
+                self._is_whole = True
+            else:
+                self._known.append(strokes)
+        except BaseException:
+            # A time limit may interrupt the search anywhere.
+            self._rest = None
+            raise
+
+
+def list_strokes(
+    arm: ArmModel, motion: LinearMotion, near: Vector | None = None
+) -> Iterable[Strokes | Unreachable]:
+    """Return the paths of :func:`iterate_strokes`, which are found when they are needed.
+
+    The last motions of an arm are kept, as tasks with fewer parts have the same ones.
+    """
+    way = (motion.tip, motion.closing_yaw_rad, motion.orientation, motion.is_exact)
+    key = (*way, motion.approach, motion.retreat, None if near is None else near.tobytes())
+    known: dict[tuple[Any, ...], _Recalled] = arm.known_strokes
+    recalled = known.pop(key, None) or _Recalled(partial(iterate_strokes, arm, motion, near))
+    known[key] = recalled
+    if len(known) > _MOST_KNOWN:
+        known.pop(next(iter(known)))
+    return recalled
 
 
 def mirror_path(path: JointPath) -> Strokes:

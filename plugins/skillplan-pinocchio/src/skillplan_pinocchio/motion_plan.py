@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from itertools import count
+from operator import is_not
 from typing import Any
 
 import coal
@@ -21,7 +21,7 @@ from skillplan_pinocchio.inverse_kinematics import (
     Strokes,
     Unreachable,
     iterate_descents,
-    iterate_strokes,
+    list_strokes,
     mirror_path,
 )
 from skillplan_pinocchio.kinematics.joint_path import JointPath
@@ -30,13 +30,15 @@ from skillplan_pinocchio.shapes import (
     STILL,
     ConvexPiece,
     Obstacle,
-    is_deeper,
+    bound_gap,
     measure_geometry_distance,
 )
 from skillplan_pinocchio.sweep import Touch
 
 # Maximum excursion of a link between the nodes of a path [m].
 _BULGE_M = 0.02
+# Accuracy of a measured distance [m].
+_ACCURACY_M = 1e-5
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,9 @@ class _Places:
         Joint frames, shapes (postures, joints, 3, 3) and (postures, joints, 3) [m].
     low, high
         Corners of axis-aligned boxes about the pieces, shape (postures, pieces, 3) [m].
+    moved_m
+        Distance that no point of a piece exceeds from the first posture on, shape (postures,
+        pieces) [m].
     placements
         Placements of the pieces for coal by posture and piece, as far as they were needed.
     """
@@ -71,6 +76,7 @@ class _Places:
     origins: Vector
     low: Vector
     high: Vector
+    moved_m: Vector
     placements: dict[tuple[int, int], Any] = field(default_factory=dict)
 
 
@@ -105,14 +111,19 @@ class LinkSweep:
         geometries: tuple[Any, ...] = ()
         for number, piece in near:
             low, high = places.low[:, number], places.high[:, number]
+            moved_m, free_m = places.moved_m[:, number].tolist(), 0.0
             for sample in np.flatnonzero(_find_overlaps(low, high, piece, tolerance_m)).tolist():
                 if first is not None and (sample, number) >= first:
                     break
+                if moved_m[sample] < free_m:
+                    continue
                 placement = self._place(places, sample, number)
                 pair = (self._pieces[number].geometry, placement, piece.hull, STILL)
-                if is_deeper(*pair, tolerance_m):
+                gap_m = bound_gap(*pair, tolerance_m)
+                if gap_m is None:
                     first, geometries = (sample, number), pair
                     break
+                free_m = moved_m[sample] + gap_m - _ACCURACY_M
         if first is None:
             return None
         sample, number = first
@@ -153,7 +164,13 @@ class LinkSweep:
         turned = rotations[:, joints]
         middle = np.einsum("spij,pj->spi", turned, centres) + origins[:, joints]
         reach = np.einsum("spij,pj->spi", np.abs(turned), halves)
-        return _Places(rotations, origins, middle - reach, middle + reach)
+        # A turn moves no point farther than its matrix norm times the distance from the centre.
+        turns = np.linalg.norm(np.diff(turned, axis=0), axis=(2, 3)) * np.linalg.norm(
+            halves, axis=1
+        )
+        steps_m = np.linalg.norm(np.diff(middle, axis=0), axis=2) + turns
+        moved_m = np.concatenate([np.zeros((1, len(joints))), np.cumsum(steps_m, axis=0)])
+        return _Places(rotations, origins, middle - reach, middle + reach, moved_m)
 
 
 def _find_overlaps(low: Vector, high: Vector, piece: ConvexPiece, tolerance_m: float) -> Vector:
@@ -195,31 +212,45 @@ def group_by_hold(task: Task, drop_height_m: float) -> Mapping[Hold, tuple[Linea
 _OTHERWISE_TURNED = "only with the hand turned by half, unlike where the same part is handled"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Elbow:
     """Joint paths to a target and back with one elbow position.
 
     Parameters
     ----------
-    meets
-        Obstacles that the links could collide with, in order of the motion. Fractions refer to all
-        paths of `strokes.distinct` with equal weight.
-    itself
-        Collision of the arm or its load with the arm or its base, or None; its place is such a
-        fraction.
     overload
         Joint that gravity overloads, or None.
+    is_free
+        Returns whether the links meet no obstacle in any state.
+    find_meets
+        Returns the obstacles that the links could collide with, in order of the motion.
+    find_hit
+        Returns the collision of the arm or its load with the arm or its base, or None.
     """
 
     strokes: Strokes
-    meets: tuple[tuple[Obstacle, LinkTouch], ...]
-    itself: Hit | None = None
-    overload: Overload | None = None
+    overload: Overload | None
+    is_free: Callable[[], bool]
+    find_meets: Callable[[], tuple[tuple[Obstacle, LinkTouch], ...]]
+    find_hit: Callable[[], Hit | None]
 
-    @property
+    @cached_property
     def is_clear(self) -> bool:
-        """Return whether it meets no obstacle in any state and overloads no joint."""
-        return not self.meets and self.itself is None and self.overload is None
+        """True if it meets no obstacle in any state and overloads no joint."""
+        return self.overload is None and self.is_free() and self.itself is None
+
+    @cached_property
+    def meets(self) -> tuple[tuple[Obstacle, LinkTouch], ...]:
+        """Obstacles that the links could collide with, in order of the motion.
+
+        Fractions refer to all paths of `strokes.distinct` with equal weight.
+        """
+        return () if self.is_clear else self.find_meets()
+
+    @cached_property
+    def itself(self) -> Hit | None:
+        """Collision of the arm or its load with the arm or its base; its place is a fraction."""
+        return self.find_hit()
 
     def at(self, fraction: float) -> Vector:
         """Return the joint angles at a fraction of all paths [rad]."""
@@ -267,7 +298,7 @@ class ArmMotion:
 
 
 class _Candidates:
-    """Paths of a motion, found one after another; each is checked once.
+    """Paths of a motion by number; each is checked once.
 
     Attributes
     ----------
@@ -276,19 +307,8 @@ class _Candidates:
     """
 
     def __init__(self, strokes: Iterable[Strokes | Unreachable]) -> None:
-        self._strokes = iter(strokes)
-        self._known: list[Strokes | Unreachable] = []
+        self.strokes = strokes
         self.elbows: dict[int, Elbow] = {}
-
-    def iterate(self) -> Iterator[tuple[int, Strokes | Unreachable]]:
-        """Yield paths with their numbers."""
-        for number in count():
-            while len(self._known) <= number:
-                strokes = next(self._strokes, None)
-                if strokes is None:
-                    return
-                self._known.append(strokes)
-            yield number, self._known[number]
 
 
 class MotionPlanner:
@@ -330,6 +350,8 @@ class MotionPlanner:
         self.arm = arm
         self.gravity = gravity
         self.obstacles = tuple(obstacles)
+        # The one that links met last comes first.
+        self._likely = [*self.obstacles]
         self.tolerance_m = tolerance_m
         self.samples = samples
         self.check_arm = check_arm
@@ -350,7 +372,7 @@ class MotionPlanner:
 
     def can_reach(self, motion: LinearMotion) -> bool:
         """Return whether the arm can follow a motion, if nothing is in its way."""
-        strokes = iterate_strokes(self.arm, motion)
+        strokes = list_strokes(self.arm, motion)
         return any(not isinstance(candidate, Unreachable) for candidate in strokes)
 
     def _paths(self, motion: LinearMotion, closing: Point | None) -> DescentPaths:
@@ -370,7 +392,7 @@ class MotionPlanner:
             if preferred and closing and self._is_turned(preferred, closing):
                 self._known[key] = preferred
             else:
-                strokes = iterate_strokes(self.arm, motion, near)
+                strokes = list_strokes(self.arm, motion, near)
                 candidates = _Candidates(strokes)
                 if near is None:
                     candidates = self._candidates.setdefault(either, candidates)
@@ -498,15 +520,11 @@ class MotionPlanner:
         spares
             Bodies that may be touched.
         """
-        if not self.check_arm:
-            return ()
         sweep = LinkSweep(self.arm, path)
         touches = [
             (obstacle, touch)
-            for obstacle in self.obstacles
-            if obstacle.body not in spares
-            and obstacle.stops(load=False)
-            and (touch := sweep.touch(obstacle, self.tolerance_m, self.samples)) is not None
+            for obstacle in self._list_obstacles(spares, self.obstacles)
+            if (touch := sweep.touch(obstacle, self.tolerance_m, self.samples)) is not None
         ]
         return tuple(sorted(touches, key=lambda pair: pair[1].touch.fraction))
 
@@ -519,7 +537,7 @@ class MotionPlanner:
     ) -> DescentPaths:
         elbows: list[Elbow] = []
         failures: list[Unreachable] = []
-        for number, candidate in candidates.iterate():
+        for number, candidate in enumerate(candidates.strokes):
             if isinstance(candidate, Unreachable):
                 failures.append(candidate)
                 continue
@@ -548,8 +566,31 @@ class MotionPlanner:
         if motion is not None and self.gravity is not None:
             overload = self.gravity.on_strokes(motion, strokes)
         return Elbow(
-            strokes, self._met(strokes, spares), self._hit_itself(strokes, motion), overload
+            strokes,
+            overload,
+            partial(self._is_free, strokes, spares),
+            partial(self._met, strokes, spares),
+            partial(self._hit_itself, strokes, motion),
         )
+
+    def _is_free(self, strokes: Strokes, spares: frozenset[str]) -> bool:
+        """Return whether the links meet no obstacle on some paths."""
+        for path in strokes.distinct:
+            sweep = LinkSweep(self.arm, path)
+            for obstacle in self._list_obstacles(spares, self._likely):
+                if sweep.touch(obstacle, self.tolerance_m, self.samples) is not None:
+                    # Other elbows often meet the same.
+                    self._likely.sort(key=partial(is_not, obstacle))
+                    return False
+        return True
+
+    def _list_obstacles(self, spares: frozenset[str], among: Iterable[Obstacle]) -> list[Obstacle]:
+        """Return the obstacles of the links among some."""
+        return [
+            obstacle
+            for obstacle in among
+            if self.check_arm and obstacle.body not in spares and obstacle.stops(load=False)
+        ]
 
     def _met(
         self, stroke_paths: Strokes, spares: frozenset[str]
