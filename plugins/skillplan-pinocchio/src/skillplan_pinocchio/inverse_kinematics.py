@@ -429,8 +429,7 @@ def iterate_strokes(
         Paths along the motion, or the reason why a posture allows none.
     """
     if motion.is_vertical:
-        for path in iterate_descents(arm, motion.tip, motion.above, motion.closing_yaw_rad):
-            yield path if isinstance(path, Unreachable) else mirror_path(path)
+        yield from _iterate_mirrored(arm, motion.tip, motion.above, motion.closing_yaw_rad)
         return
     target = make_hand_pose(motion.tip, motion.orientation)
     if motion.is_exact:
@@ -485,14 +484,36 @@ def list_strokes(
 
     The last motions of an arm are kept, as tasks with fewer parts have the same ones.
     """
+    if motion.is_vertical:
+        return list_descents(arm, motion.tip, motion.above, motion.closing_yaw_rad)
     way = (motion.tip, motion.closing_yaw_rad, motion.orientation, motion.is_exact)
     key = (*way, motion.approach, motion.retreat, None if near is None else near.tobytes())
+    return _recall(arm, key, partial(iterate_strokes, arm, motion, near))
+
+
+def list_descents(
+    arm: ArmModel, tip: Point, above: Point, closing_yaw: float
+) -> Iterable[Strokes | Unreachable]:
+    """Return the paths of :func:`iterate_descents` and back, likewise."""
+    key = (tip, above, closing_yaw)
+    return _recall(arm, key, partial(_iterate_mirrored, arm, tip, above, closing_yaw))
+
+
+def _recall(
+    arm: ArmModel, key: tuple[Any, ...], find: Callable[[], Iterator[Strokes | Unreachable]]
+) -> _Recalled:
     known: dict[tuple[Any, ...], _Recalled] = arm.known_strokes
-    recalled = known.pop(key, None) or _Recalled(partial(iterate_strokes, arm, motion, near))
-    known[key] = recalled
+    known[key] = recalled = known.pop(key, None) or _Recalled(find)
     if len(known) > _MOST_KNOWN:
         known.pop(next(iter(known)))
     return recalled
+
+
+def _iterate_mirrored(
+    arm: ArmModel, tip: Point, above: Point, closing_yaw: float
+) -> Iterator[Strokes | Unreachable]:
+    for path in iterate_descents(arm, tip, above, closing_yaw):
+        yield path if isinstance(path, Unreachable) else mirror_path(path)
 
 
 def mirror_path(path: JointPath) -> Strokes:

@@ -20,9 +20,8 @@ from skillplan_pinocchio.gravity import GravityCheck, Overload
 from skillplan_pinocchio.inverse_kinematics import (
     Strokes,
     Unreachable,
-    iterate_descents,
+    list_descents,
     list_strokes,
-    mirror_path,
 )
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.continuous_check import Held, Hit, SelfCheck
@@ -503,11 +502,8 @@ class MotionPlanner:
         """
         key = (tip, above, closing_yaw, spares)
         if key not in self._known:
-            candidates = (
-                path if isinstance(path, Unreachable) else mirror_path(path)
-                for path in iterate_descents(self.arm, tip, above, closing_yaw)
-            )
-            self._known[key] = self._best(_Candidates(candidates), spares, None, None)
+            candidates = _Candidates(list_descents(self.arm, tip, above, closing_yaw))
+            self._known[key] = self._best(candidates, spares, None, None)
         return self._known[key]
 
     def met(
