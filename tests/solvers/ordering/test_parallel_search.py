@@ -457,10 +457,10 @@ class TestEndings:
         assert errors == ""
         wait_until(lambda: not any(map(running, others)), "a process is left")
 
-    @pytest.mark.slow(reason="two processes for three seconds; of one process in every run")
+    @pytest.mark.slow(reason="two processes for two seconds; of one process in every run")
     def test_the_time_limit_holds_for_all(self):
         """It ends a moment later."""
-        search = self.start("--time-limit", "3")
+        search = self.start("--time-limit", "2")
         out, errors = search.communicate(timeout=PATIENCE_S)
         assert search.returncode == 0
         document = json.loads(out)
