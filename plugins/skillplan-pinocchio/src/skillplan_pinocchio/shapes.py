@@ -28,10 +28,10 @@ _CELLS: Final = 40
 # Half width and thickness of the table: bodies cannot pass through it [m].
 _TABLE_HALF_WIDTH_M: Final = 5.0
 _TABLE_THICKNESS_M: Final = 1.0
-# Largest number of triangles in which the depth of an overlap is measured, and of those looked at
-# before to find that it is deep enough.
+# Largest number of triangles in which the depth of an overlap is measured, and numbers of those
+# looked at before to find that it is deep enough.
 _MOST_TOUCHES: Final = 2_000
-_FIRST_TOUCHES: Final = 8
+_FIRST_TOUCHES: Final = (1, 8)
 
 # Triangles in a tree of boxes.
 _TREE: Final = coal.BVHModelOBBRSS
@@ -243,7 +243,7 @@ def bound_gap(
         gap_m = measure_gap(geometry, at, other, other_at)
         return gap_m if gap_m >= -tolerance_m else None
     # A triangle that is met first is often deep enough, and all of them take long.
-    for most in (_FIRST_TOUCHES, _MOST_TOUCHES):
+    for most in (*_FIRST_TOUCHES, _MOST_TOUCHES):
         result = _collide(geometry, at, other, other_at, most)
         depths_m = [-contact.penetration_depth for contact in result.getContacts()]
         if any(depth_m > tolerance_m for depth_m in depths_m):

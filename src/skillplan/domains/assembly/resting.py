@@ -491,21 +491,24 @@ def _find_wall_overlap(
 def _find_floating(name: str, stage: _Stage) -> Iterator[Issue]:
     """Yield a part at a given height with a gap to the nearest support."""
     own = stage.solids[name]
-    gaps_m = {
-        other: gap_m
-        for other, solid in {TABLE: get_table(), **stage.solids}.items()
-        if other != name and (gap_m := own.gap_m(solid)) is not None
-    }
+    others = {TABLE: get_table(), **stage.solids}
+    gaps_m: dict[str, float] = {}
+    # The supports have the nearest tops, and one that it touches suffices.
+    for other in sorted(others, key=lambda key: abs(own.box.low[2] - others[key].box.high[2])):
+        gap_m = None if other == name else own.gap_m(others[other])
+        if gap_m is not None:
+            gaps_m[other] = gap_m
+            if gap_m <= TOUCH_M:
+                return
     if not gaps_m:
         return
-    nearest = min(gaps_m, key=lambda other: gaps_m[other])
-    if gaps_m[nearest] > TOUCH_M:
-        support = nearest if nearest == TABLE else repr(nearest)
-        message = (
-            f"{name!r} floats {_show_mm(gaps_m[nearest])} above {support} {stage.when}. Lower it, "
-            "or leave out z."
-        )
-        yield Issue(message, ("parts", name, f"{stage.key}_m"))
+    nearest = min((key for key in others if key in gaps_m), key=lambda key: gaps_m[key])
+    support = nearest if nearest == TABLE else repr(nearest)
+    message = (
+        f"{name!r} floats {_show_mm(gaps_m[nearest])} above {support} {stage.when}. Lower it, "
+        "or leave out z."
+    )
+    yield Issue(message, ("parts", name, f"{stage.key}_m"))
 
 
 def _show_mm(length_m: float) -> str:

@@ -8,6 +8,7 @@ missed.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -302,6 +303,13 @@ class _End:
         return np.asarray(times(self.piece.corners, self.back.rotation.T) + self.back.translation)
 
     @property
+    def ball(self) -> tuple[Vector, float]:
+        """Centre of a sphere around it in the frame of the last joint, and its radius [m]."""
+        low, high = np.array(self.piece.low), np.array(self.piece.high)
+        centre = self.back.rotation @ ((low + high) / 2) + self.back.translation
+        return centre, math.dist(low, high) / 2
+
+    @property
     def balls(self) -> tuple[Vector, float]:
         """Centres of covering spheres in the frame of the last joint, and their radius [m]."""
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
@@ -378,6 +386,14 @@ class SelfCheck:
         if not ends or not self._solids:
             return []
         near = _Nearness(self._links.bodies, self._chain_m, path)
+        # One sphere each first: most pieces are far from all links.
+        around = [end.ball for end in ends]
+        is_near = near.of(
+            np.array([centre for centre, _ in around]), np.array([m for _, m in around])
+        )
+        ends = [ends[number] for number in np.flatnonzero(is_near).tolist()]
+        if not ends:
+            return []
         balls = [end.balls for end in ends]
         counts = [len(centres) for centres, _ in balls]
         centres = np.concatenate([centres for centres, _ in balls])
