@@ -26,8 +26,9 @@ MOST_HOVER_M = 5e-4
 """Greatest height over its seat from which a screw is driven home [m]."""
 
 Floats = NDArray[np.float64]
-# Spaces [mm] by a part, another one, the way in which it comes, its clearance [m], and if driven.
-Sweeps = dict[tuple[Part, Part, bytes, float, bool], manifold3d.Manifold]
+# Spaces and their thicknesses in concave parts [mm] by a part, another one, the way in which it
+# comes, its clearance [m], and if it is driven.
+Sweeps = dict[tuple[Part, Part, bytes, float, bool], tuple[manifold3d.Manifold, float]]
 
 _TO_MM = 1e3
 # Share of a clearance that pieces may fill, and the widest clearance that is kept free [m].
@@ -203,17 +204,18 @@ class Lanes:
         concave = solid.hull() - solid
         if concave.volume() < _LEAST_MM3:
             return None
+        rooms = np.array([body.bounding_box() for body in concave.decompose()]).reshape(-1, 2, 3)
         spaces, widest_m = list[manifold3d.Manifold](), 0.0
         for other, along in self._list_moves(part.name):
             pair = frozenset((part.name, other.name))
             drawn_m = self._drawn_m.get(pair, 0.0)
             clearance_m = (1 - _CLEARANCE_SHARE) * min(max(drawn_m, PLAY_M), _WIDEST_M)
-            space = self._sweep(part, other, along, clearance_m, concave)
+            sweep, thickness_mm = self._sweep(part, other, along, clearance_m, concave, rooms)
             # The waist that a press fit leaves is none: all of the part has to pass.
-            if measure_thickness(space) > self._overlaps_m.get(pair, 0.0) * _TO_MM:
-                spaces.append(space)
+            if thickness_mm > self._overlaps_m.get(pair, 0.0) * _TO_MM:
+                spaces.append(sweep)
                 widest_m = max(widest_m, clearance_m)
-        room = np.array(concave.bounding_box()).reshape(2, 3)
+        room = rooms[:, 0].min(axis=0), rooms[:, 1].max(axis=0)
         near = [
             box * _TO_MM
             for box in jaws
@@ -222,7 +224,7 @@ class Lanes:
         ]
         # Engines let jaws pass where the mesh does.
         held = _simplify(_unite(list(map(manifold3d.Manifold.hull_points, near))) ^ concave)
-        space = _simplify(_unite(spaces))
+        space = _simplify(_unite(spaces) ^ concave)
         if space.volume() + held.volume() < _LEAST_MM3:
             return None
         return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M, held)
@@ -234,8 +236,9 @@ class Lanes:
         along: Floats,
         clearance_m: float,
         concave: manifold3d.Manifold,
-    ) -> manifold3d.Manifold:
-        """Return the space that another part passes in the concave parts of one.
+        rooms: Floats,
+    ) -> tuple[manifold3d.Manifold, float]:
+        """Return the space that another part passes, and its thickness in concave parts [mm].
 
         It is found once for parts that stand and come alike.
         """
@@ -247,10 +250,10 @@ class Lanes:
             shift = (own.offset_m - np.array(own.bottom(part))) * _TO_MM
             corners, is_convex = self._list_corners(other)
             moved = corners @ own.matrix.T + shift
-            rooms = np.array([body.bounding_box() for body in concave.decompose()])
-            rooms = rooms.reshape(-1, 2, 3)
             swept = _sweep_faces(moved, along, clearance_m * _TO_MM, rooms, is_convex=is_convex)
-            self._sweeps[key] = _unite(swept) ^ concave
+            sweep = _unite(swept)
+            thickness_mm = measure_thickness(sweep ^ concave)
+            self._sweeps[key] = sweep if thickness_mm else manifold3d.Manifold(), thickness_mm
         return self._sweeps[key]
 
     def _list_moves(self, name: str) -> Iterator[tuple[Part, Floats]]:
