@@ -383,6 +383,11 @@ class Solid:
         x1, y1, z1 = (max(values) for values in zip(*highs, strict=True))
         return WorldBox((x0, y0, z0), (x1, y1, z1))
 
+    @cached_property
+    def centre(self) -> Point:
+        """Centre of its volume [m]; see `find_centre`."""
+        return find_centre(self.shapes, self.pose)
+
     def fall_m(self, lower: Solid) -> float | None:
         """Return the distance to lower the body from far above onto another [m].
 

@@ -32,7 +32,7 @@ from skillplan.collision.contact_forces import (
     find_axes_across,
     make_program,
 )
-from skillplan.collision.solid import TOUCH_M, Solid, find_centre
+from skillplan.collision.solid import TOUCH_M, Solid
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -181,7 +181,7 @@ def weigh(solid: Solid, mass_kg: float) -> Weight:
     """Return a body with its mass spread evenly over its shapes."""
     low, high = solid.box.low, solid.box.high
     extent_m = max(high[axis] - low[axis] for axis in range(3))
-    return Weight(mass_kg, find_centre(solid.shapes, solid.pose), extent_m)
+    return Weight(mass_kg, solid.centre, extent_m)
 
 
 def find_touches(solids: Mapping[str, Solid], tolerance_m: float = TOUCH_M) -> list[Touch]:

@@ -98,6 +98,12 @@ class Sweep:
         self.spares = spares
         self._swept = tuple(piece.swept(by) for piece in pieces)
 
+    @cached_property
+    def _around(self) -> ConvexPiece:
+        """Two corners of a box about all that is swept."""
+        lows, highs = [own.low for own in self._swept], [own.high for own in self._swept]
+        return ConvexPiece(np.array([np.min(lows, axis=0), np.max(highs, axis=0)]))
+
     def touch(self, obstacle: Obstacle, tolerance_m: float, samples: int) -> Touch | None:
         """Return the first contact with an obstacle, or None.
 
@@ -108,10 +114,13 @@ class Sweep:
         samples
             Number of equal intervals of the line in which the first contact is searched, >= 1.
         """
+        if not self.pieces:
+            return None
+        near = [other for other in obstacle.pieces if may_touch(self._around, other, tolerance_m)]
         pairs = [
             (self._find_entry(piece, other), piece, swept, other)
             for piece, swept in zip(self.pieces, self._swept, strict=True)
-            for other in obstacle.pieces
+            for other in near
             if may_touch(swept, other, tolerance_m)
         ]
         # The first in the order of the pieces, of contacts at one place.

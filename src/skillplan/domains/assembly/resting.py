@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from skillplan.collision.solid import TOUCH_M, Solid, find_centre, is_supported
+from skillplan.collision.solid import TOUCH_M, Solid, is_supported
 from skillplan.domains.assembly.insertion import list_directions
 from skillplan.domains.assembly.layout import get_layout, get_table
 from skillplan.domains.assembly.part_meshes import build_origin_hint
@@ -180,7 +180,7 @@ def _find_fall(name: str, stage: _Stage) -> str | None:
         for face in own.contacts(solid)
         for corner in face
     ]
-    if is_supported(find_centre(own.shapes, own.pose), corners):
+    if is_supported(own.centre, corners):
         return None
     # Imports numpy.
     from skillplan.collision.standing import decide_standing, find_touches, weigh
@@ -464,7 +464,7 @@ def _find_wall_overlap(
     corners = [corner for solid in beneath for face in own.contacts(solid) for corner in face]
     if not corners:
         return
-    if stated_m is None and is_supported(find_centre(own.shapes, own.pose), corners):
+    if stated_m is None and is_supported(own.centre, corners):
         return
 
     def passes(by_m: float) -> bool:
