@@ -120,7 +120,9 @@ class Lane:
 
 def measure_thickness(solid: manifold3d.Manifold) -> float:
     """Return the ratio of volume and half the surface, at most the thickness of a sheet [mm]."""
-    return 0.0 if solid.is_empty() else 2 * float(solid.volume() / solid.surface_area())
+    surface_mm2 = float(solid.surface_area())
+    # Slivers that a cut leaves may have a volume of 0 and no surface.
+    return 2 * float(solid.volume()) / surface_mm2 if surface_mm2 > 0 else 0.0
 
 
 def measure_depth_mm(solid: manifold3d.Manifold) -> float:
