@@ -349,7 +349,7 @@ class MotionPlanner:
         self.arm = arm
         self.gravity = gravity
         self.obstacles = tuple(obstacles)
-        # The one that links met last comes first.
+        # The obstacle that links met last comes first.
         self._likely = [*self.obstacles]
         self.tolerance_m = tolerance_m
         self.samples = samples

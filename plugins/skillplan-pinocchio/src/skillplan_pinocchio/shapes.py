@@ -28,8 +28,8 @@ _CELLS: Final = 40
 # Half width and thickness of the table: bodies cannot pass through it [m].
 _TABLE_HALF_WIDTH_M: Final = 5.0
 _TABLE_THICKNESS_M: Final = 1.0
-# Largest number of triangles in which the depth of an overlap is measured, and numbers of those
-# looked at before to find that it is deep enough.
+# Largest number of triangles in which the depth of an overlap is measured, and smaller numbers that
+# are tried before, as one deep triangle may suffice.
 _MOST_TOUCHES: Final = 2_000
 _FIRST_TOUCHES: Final = (1, 8)
 

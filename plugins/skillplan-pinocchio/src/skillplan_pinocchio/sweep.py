@@ -100,7 +100,7 @@ class Sweep:
 
     @cached_property
     def _around(self) -> ConvexPiece:
-        """Two corners of a box about all that is swept."""
+        """Two corners of a box about the swept pieces."""
         lows, highs = [own.low for own in self._swept], [own.high for own in self._swept]
         return ConvexPiece(np.array([np.min(lows, axis=0), np.max(highs, axis=0)]))
 
@@ -190,7 +190,7 @@ class _Line:
         self._bounds_m: dict[int, float | None] = {}
 
     def iterate(self, first: int, within_m: float = 0.0) -> Iterator[tuple[int, float | None]]:
-        """Yield the samples that may be within a distance, as no step is longer than that of all.
+        """Yield the samples that may be within a distance; each step moves the piece equally far.
 
         Yields
         ------
