@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from framed_pegs import write_framed_peg
-from skillplan import load_problem
+from skillplan import Setup, load_problem, solve
+from skillplan.checks import introduce
 from skillplan.cli import main
-from skillplan.pipeline import Setup, make_model
+from skillplan.pipeline import make_model
 
 ENGINES = ("pybullet", "mujoco")
 WIDER = pytest.mark.slow(reason="four executions; pieces that block the fit in every run")
@@ -104,3 +105,41 @@ def test_an_engine_executes_what_it_does_not_refuse(tmp_path, engine, outside_mm
     refused = bool(Setup(engine, ("contact-pairs",)).back_ends(task)[0].faults())
     assert refused == (engine == "mujoco" and outside_mm > 0.5)
     assert refused != any(verdict.is_feasible for verdict in verdicts)
+
+
+POCKET = """kind: assembly
+name: flush
+robot: {home_m: [0.42, 0.0]}
+tools: {gripper: {holder_m: [0.30, 0.35]}}
+initial_tool: gripper
+parts:
+  frame:
+    fixed: true
+    boxes:
+      - {size_m: [0.02, 0.08, 0.02], centre_m: [-0.0201, 0.0, 0.01]}
+      - {size_m: [0.02, 0.08, 0.02], centre_m: [0.0201, 0.0, 0.01]}
+      - {size_m: [0.0202, 0.0299, 0.02], centre_m: [0.0, -0.02505, 0.01]}
+      - {size_m: [0.0202, 0.0299, 0.02], centre_m: [0.0, 0.02505, 0.01]}
+    goal_m: [0.42, 0.12]
+  block:
+    {tool: gripper, size_m: [0.02, 0.02, 0.02], grasp: {closing_axis: y, depth_m: 0.004},
+      start_m: [0.42, -0.15], goal_m: [0.42, 0.12], release_m: RELEASE}
+"""
+
+
+@pytest.mark.slow(reason="an execution in each engine")
+def test_a_part_flush_with_its_pocket_is_let_go_above_it_and_slides_down(tmp_path):
+    """Its fingers have no room beside it; the way down is checked, the slide only by engines."""
+    path = tmp_path / "flush.yaml"
+    path.write_text(POCKET.replace("RELEASE", "null"), "utf-8")
+    refused = solve(load_problem(path).task, "exact", Setup(collision=("swept",)))
+    assert "a finger runs into frame" in refused.reason
+    path.write_text(POCKET.replace("RELEASE", "0.005"), "utf-8")
+    task = load_problem(path).task
+    result = solve(task, "exact", Setup(collision=("swept",)))
+    assert result.status == "optimal", result.reason
+    assert "whether what is let go above its goal slides there: block" in result.not_checked
+    for engine in ENGINES:
+        created, *_ = introduce(Setup(engine, ()).back_ends(task))
+        done = created.perform([task.skill(step.skill) for step in result.steps])
+        assert done.failed is None, done.failed.verdict.reason

@@ -39,6 +39,7 @@ from skillplan.task.scene import (
     Tool,
     ToolKind,
     describe_unchecked_joins,
+    describe_unchecked_slides,
     name_shank,
 )
 from skillplan.task.shape import Box
@@ -411,6 +412,7 @@ class AabbDetector(Detector):
             *([f"collisions while {', '.join(turning)} turns"] if turning else []),
             *([f"room for the jaws {', '.join(jaws)} to close"] if jaws else []),
             *describe_unchecked_joins(self.task.scene.bodies),
+            *describe_unchecked_slides(self.task.scene.bodies),
         )
 
     def refuses(self) -> str | None:

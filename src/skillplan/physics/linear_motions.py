@@ -390,12 +390,13 @@ def _choose_drop_m(scene: Scene, visit: Visit, drop_height_m: float) -> float:
     """Return the height above its goal at which a visit releases a part [m]."""
     if visit.event is not Event.RELEASE or is_same_direction(visit.along, AXES["z"]):
         return 0.0
-    fits = scene.body(visit.subject).fits if visit.is_fitted else ()
+    body = scene.body(visit.subject)
+    fits = body.fits if visit.is_fitted else ()
     if any(fit.is_led for fit in fits):
         # The hand brings it to its seat.
         return 0.0
     if is_same_direction(visit.along, DOWN):
-        return drop_height_m
+        return max(drop_height_m, body.release_m) if visit.at_goal else drop_height_m
     # A pin in a hole has no more room above than beside it.
     return min(drop_height_m, _SIDE_LIFT_M, *(max(fit.drawn_m, fit.play_m) for fit in fits))
 

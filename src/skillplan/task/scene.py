@@ -188,6 +188,9 @@ class Body:
         Bodies that a driven screw fixes to each other; empty for other bodies.
     part_of
         Name of the body that replaces it once it is joined to others; "" for none.
+    release_m
+        Height above its goal from which it slides down by its weight [m], >= 0; 0 for that at which
+        a detector or engine releases all bodies.
     """
 
     name: str
@@ -201,6 +204,7 @@ class Body:
     shank: Shank | None = None
     joins: tuple[str, ...] = ()
     part_of: str = ""
+    release_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.shapes:
@@ -254,6 +258,12 @@ def describe_unchecked_joins(bodies: Iterable[Body]) -> tuple[str, ...]:
     wholes = ", ".join(dict.fromkeys(body.part_of for body in bodies if body.part_of))
     note = f"whether the members of {wholes} keep together while they are carried: they count as"
     return (f"{note} one body once joined",) if wholes else ()
+
+
+def describe_unchecked_slides(bodies: Iterable[Body]) -> tuple[str, ...]:
+    """Return that bodies let go above their goals may not slide there, if there are any."""
+    released = ", ".join(body.name for body in bodies if body.release_m)
+    return (f"whether what is let go above its goal slides there: {released}",) if released else ()
 
 
 class ToolKind(StrEnum):

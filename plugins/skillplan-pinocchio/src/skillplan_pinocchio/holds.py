@@ -17,8 +17,8 @@ from skillplan.task.shape import Shape
 from skillplan.task.skill import Skill
 from skillplan_pinocchio.shapes import Array
 
-# Least area of a jaw on a part [m2]: line contact of a small pin.
-_LEAST_M2 = 1e-6
+# Least area of a jaw on a part [m2]: line contact of a small pin, the rim of an M2 washer.
+_LEAST_M2 = 4e-7
 # Least share of a cup on material, and greatest bend of its lip as a share of its radius.
 _LEAST_SEAL, _BEND = 0.999, 0.3
 
@@ -44,7 +44,7 @@ def _describe(body: Body, grasp: Grasp, tool: Tool | None, hand: Hand) -> str | 
         first, second = (f"{area_m2 * 1e6:.1f}" for area_m2 in areas_m2)
         return (
             f"the jaws close on air: they meet {first} and {second} mm2 of {body.name}, where "
-            "1 mm2 is the least; give it another grasp"
+            f"{_LEAST_M2 * 1e6:g} mm2 is the least; give it another grasp"
         )
     if tool is None or tool.kind is not ToolKind.SUCTION or tool.envelope is not None:
         # The task does not describe the cup.

@@ -30,7 +30,12 @@ from skillplan.physics.performance import PlannedMotion
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd, RemovedDwell
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import Robot, Zone, describe_unchecked_joins
+from skillplan.task.scene import (
+    Robot,
+    Zone,
+    describe_unchecked_joins,
+    describe_unchecked_slides,
+)
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -306,6 +311,7 @@ class SweptDetector(Detector):
             *describe_unchecked_fits(self.task.scene.bodies, simulated=False),
             *describe_unchecked_speeds(self.task.scene),
             *describe_unchecked_joins(self.task.scene.bodies),
+            *describe_unchecked_slides(self.task.scene.bodies),
         )
 
     def check(self, skill: Skill, state: State) -> Verdict:

@@ -1000,6 +1000,7 @@ def _build_part(config: AssemblyConfig, name: str) -> Body:
         tuple(_build_fit(into, fit) for into, fit in (part.fits or {}).items()),
         fixed=part.fixed,
         part_of=config.joined_in.get(name, ""),
+        release_m=part.release_m or 0.0,
     )
 
 

@@ -28,6 +28,7 @@ from skillplan.domains.assembly.schema_types import (
     Length,
     PartDurations,
     PlanarOrSpatial,
+    ReleaseHeight,
     Spatial,
     is_absent,
     is_empty,
@@ -62,7 +63,7 @@ Names = Annotated[
 # Keys that say how a hand moves a part.
 _MOVED_KEYS = (
     *("tool", "grasp", "grasp_failure", "start_m", "start_on", "feeder", "start_yaw_rad"),
-    *("start_rpy_rad", "insert_along", "insert_m", "durations_s", "buffers"),
+    *("start_rpy_rad", "insert_along", "insert_m", "release_m", "durations_s", "buffers"),
     *("other_goals", "other_tools", "optional", "interchangeable", "made_of", "arrives_s"),
     "orientation",
 )
@@ -502,6 +503,13 @@ class PartConfig(Shaped):
     insert_m: Length | None = Field(
         None,
         description="length of the insertion [m]; left out: the length that clears its neighbours",
+    )
+    release_m: ReleaseHeight | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="height above its goal at which it is let go, to slide down by its weight in "
+        "what encloses it, where fingers have no room [m]; left out: that at which the detector or "
+        "the engine lets go of all parts",
     )
     frame: Literal["world", "goal"] = Field(
         "world",

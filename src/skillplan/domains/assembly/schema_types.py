@@ -23,6 +23,7 @@ PlanarOrSpatial = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
 # A box thinner than a micrometre has no volume.
 Extent = Annotated[float, Field(ge=1e-6, le=10)]
 Length = Annotated[float, Field(gt=0, le=10)]
+ReleaseHeight = Annotated[float, Field(gt=0, le=0.03)]
 Extents = Annotated[list[Extent], Field(min_length=3, max_length=3)]
 Height = Annotated[float, Field(ge=0, le=10)]
 Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]

@@ -86,6 +86,10 @@ _LIGHTER = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
 # Height at which a feeder presents a part to a hand from a side: it has room, and so has the wrist.
 _RAISED_M = 0.06
 
+# A part that is let go above its goal: room of the fingers over what encloses it, depth that guides
+# it at least, and greatest height [m].
+_FINGER_ROOM_M, _GUIDED_M, _HIGHEST_M = 5e-4, 1e-3, 0.02
+
 
 @dataclass(frozen=True, slots=True)
 class Load:
@@ -115,11 +119,14 @@ class Held:
     ----------
     raised_m
         Height at which a feeder has to present the part for these grasps [m]; 0 on the table.
+    released_m
+        Height above its goal at which it is let go [m]; 0 at its goal.
     """
 
     tool: str
     grasps: tuple[Mapping[str, Any], ...]
     raised_m: float = 0.0
+    released_m: float = 0.0
 
     def compute_load_kg(self, part: Part, hand: Hand) -> float:
         """Return the mass of a part with the tool that holds it [kg]."""
@@ -172,10 +179,11 @@ class Held:
 
     @property
     def entry(self) -> dict[str, Any]:
-        """Keys ``tool`` and ``grasp``."""
+        """Keys ``tool``, ``grasp`` and ``release_m``."""
         # Parts that share grasps have entries of their own, without YAML references.
         grasps = deepcopy([dict(grasp) for grasp in self.grasps])
-        return {"tool": self.tool, "grasp": grasps if len(grasps) > 1 else grasps[0]}
+        entry = {"tool": self.tool, "grasp": grasps if len(grasps) > 1 else grasps[0]}
+        return {**entry, "release_m": self.released_m} if self.released_m else entry
 
 
 @cache
@@ -240,10 +248,23 @@ def list_holds(
     raised = finder.find_jaw_grasps(hand, sides, sunk_m, _RAISED_M)
     if raised:
         yield _hold(GRIPPER, raised, _RAISED_M)
+    for tool, grasps in ((TIPS, by_tips), (GRIPPER, above)):
+        yield from _hold_over(tool, grasps, sunk_m)
 
 
 def _hold(tool: str, grasps: Sequence[JawGrasp], raised_m: float = 0.0) -> Held:
     return Held(tool, tuple(grasp.entry for grasp in grasps), raised_m)
+
+
+def _hold_over(tool: str, grasps: Sequence[JawGrasp], sunk_m: float) -> Iterator[Held]:
+    """Yield a tool whose fingers stay above what encloses a part: it slides down the rest."""
+    heights_m = [round(sunk_m + _FINGER_ROOM_M - grasp.tip_m[2], 4) for grasp in grasps]
+    least_m = min(heights_m, default=0.0)
+    if 0 < least_m <= min(_HIGHEST_M, sunk_m - _GUIDED_M):
+        over = [
+            grasp for grasp, height_m in zip(grasps, heights_m, strict=True) if height_m <= least_m
+        ]
+        yield replace(_hold(tool, over), released_m=least_m)
 
 
 def _hold_by_cup(finder: GraspFinder, cup: str) -> Iterator[Held]:
@@ -489,7 +510,8 @@ class PartHolds:
     def _is_futile(self, name: str, held: Held) -> bool:
         """Return whether a gripper is in vain as one that needs less room was."""
         is_thick = held.tool == GRIPPER or held.tool in GRIPPERS
-        return is_thick and not held.raised_m and (name, held.is_from_above) in self._futile
+        is_usual = not (held.raised_m or held.released_m)
+        return is_thick and is_usual and (name, held.is_from_above) in self._futile
 
     def give_up(self, name: str) -> dict[str, LeftOut]:
         """Return a part that no tool holds or brings, with the nearest remedy; fix the base."""

@@ -1341,6 +1341,8 @@ class TaskWriter:
             entry["goal_on"] = on
         entry |= self._name_orientation(part)
         ways = self.list_directions(part)
+        if not any(way[2] < _LEVEL - 1 for way in ways):
+            entry.pop("release_m", None)
         back = self.upright.find_turn(own).T
         along = [[float(value) + 0.0 for value in np.round(back @ way, 7)] for way in ways]
         if along != [[0.0, 0.0, -1.0]] and not fixed:
