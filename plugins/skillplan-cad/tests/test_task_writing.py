@@ -506,6 +506,20 @@ def test_thin_tips_put_a_part_next_to_walls(case, part, is_inner):
 
 
 @pytest.mark.slow
+def test_a_part_that_is_flush_with_its_pocket_is_let_go_above_it():
+    """A key with a round back: no cup seals on it."""
+    case = box(0, 0, 0, 60, 60, 30) - box(20, 25.7, 22, 40, 34.3, 30)
+    pin = rod(0, 0, -9.7, 4, 19.4).rotate((0, 90, 0)).translate((30, 30, 26))
+    key = pin + box(20.3, 26, 22, 39.7, 34, 26)
+    task = assembled(("case", case), ("key", key), up=UP)
+    assert not task.left_out
+    entry = task.document["parts"]["key"]
+    grasps = entry["grasp"] if isinstance(entry["grasp"], list) else [entry["grasp"]]
+    tips_m = [0.008 - grasp["depth_m"] + entry["release_m"] for grasp in grasps]
+    assert min(tips_m) == pytest.approx(0.0085, abs=1e-4)
+
+
+@pytest.mark.slow
 def test_a_screw_next_to_a_wall_gets_a_bit_that_reaches_past_it():
     """A driver is 36 mm wide above a bit of 40 mm; the wall is 50 mm higher than the head."""
     hole = rod(22, 30, 0, 2, 30) + rod(60, 30, 0, 2, 30)

@@ -21,6 +21,7 @@ from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN
+from skillplan_cad.blocking.ray_mesh import RayMesh, RayView
 from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.product import Part, Points, Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
@@ -89,6 +90,9 @@ _RAISED_M = 0.06
 # A part that is let go above its goal: room of the fingers over what encloses it, depth that guides
 # it at least, and greatest height [m].
 _FINGER_ROOM_M, _GUIDED_M, _HIGHEST_M = 5e-4, 1e-3, 0.02
+# Distances from the sides of a part at which the height of what encloses it is measured [m].
+_BESIDE_M = (5e-4, 1.5e-3, 3e-3, 5e-3)
+_SIDE_POINTS = 25
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +181,31 @@ class Held:
                 boxes += [tip + corners * [1.0, 1.0, side] @ frame for side in (1, -1)]
         return boxes
 
+    def release(self, rims_m: Floats, top_m: float) -> Held | None:
+        """Return the grasps whose fingers stay above what encloses a part: it slides down the rest.
+
+        Parameters
+        ----------
+        rims_m
+            Heights of what is beside the part at -x, x, -y and y, above its bottom [m], shape (4,).
+        top_m
+            Height of the part [m].
+        """
+        if self.tool not in (TIPS, GRIPPER) or self.raised_m or not self.is_from_above:
+            return None
+        over_m = float(rims_m.max()) + _FINGER_ROOM_M
+        heights_m = [round(over_m - (top_m - grasp["depth_m"]), 4) for grasp in self.grasps]
+        least_m = min(heights_m)
+        guide_m = float(rims_m.reshape(2, 2).min(axis=1).max())
+        if not 0 < least_m <= min(_HIGHEST_M, guide_m - _GUIDED_M):
+            return None
+        near = tuple(
+            grasp
+            for grasp, height_m in zip(self.grasps, heights_m, strict=True)
+            if height_m <= least_m
+        )
+        return replace(self, grasps=near, released_m=least_m)
+
     @property
     def entry(self) -> dict[str, Any]:
         """Keys ``tool``, ``grasp`` and ``release_m``."""
@@ -248,23 +277,10 @@ def list_holds(
     raised = finder.find_jaw_grasps(hand, sides, sunk_m, _RAISED_M)
     if raised:
         yield _hold(GRIPPER, raised, _RAISED_M)
-    for tool, grasps in ((TIPS, by_tips), (GRIPPER, above)):
-        yield from _hold_over(tool, grasps, sunk_m)
 
 
 def _hold(tool: str, grasps: Sequence[JawGrasp], raised_m: float = 0.0) -> Held:
     return Held(tool, tuple(grasp.entry for grasp in grasps), raised_m)
-
-
-def _hold_over(tool: str, grasps: Sequence[JawGrasp], sunk_m: float) -> Iterator[Held]:
-    """Yield a tool whose fingers stay above what encloses a part: it slides down the rest."""
-    heights_m = [round(sunk_m + _FINGER_ROOM_M - grasp.tip_m[2], 4) for grasp in grasps]
-    least_m = min(heights_m, default=0.0)
-    if 0 < least_m <= min(_HIGHEST_M, sunk_m - _GUIDED_M):
-        over = [
-            grasp for grasp, height_m in zip(grasps, heights_m, strict=True) if height_m <= least_m
-        ]
-        yield replace(_hold(tool, over), released_m=least_m)
 
 
 def _hold_by_cup(finder: GraspFinder, cup: str) -> Iterator[Held]:
@@ -605,11 +621,40 @@ class PartHolds:
         if granted is not None:
             yield granted
         key = (*self._known.find_shape(part, local), part.density_kg_m3, sunk_m)
+        tried = []
         for held in self._known.iterate(
             key, lambda: list_holds(part, local, centre, self._hand, sunk_m)
         ):
+            tried.append(held)
             if held != granted:
                 yield held
+        rims_m = self._measure_rims_m(part) - bottom[2]
+        released = [held.release(rims_m, float(local[:, 2].max())) for held in tried]
+        yield from (held for held in released if held not in (None, granted))
+
+    def _measure_rims_m(self, part: Part) -> Floats:
+        """Return the heights of earlier parts beside a part, at -x, x, -y and y [m], shape (4,)."""
+        upright = self._upright.of(part.name)
+        own = upright.vertices(part)[:, :2]
+        low, high = own.min(axis=0), own.max(axis=0)
+        beside, share = np.array(_BESIDE_M), np.linspace(0, 1, _SIDE_POINTS)
+        sides = []
+        for axis in (0, 1):
+            along = low[1 - axis] + share * (high - low)[1 - axis]
+            for place in (low[axis] - beside, high[axis] + beside):
+                points = np.stack(np.meshgrid(place, along), axis=-1).reshape(-1, 2)
+                sides.append(points if axis == 0 else points[:, ::-1])
+        rims_m = np.full(4, -np.inf)
+        before = self._order[: self._order.index(part.name)] if part.name in self._order else ()
+        for other in map(self._get_part, before):
+            there = upright.vertices(other)
+            near = (there[:, :2].min(axis=0) < high + beside[-1]).all()
+            if not near or not (there[:, :2].max(axis=0) > low - beside[-1]).all():
+                continue
+            mesh = RayMesh(replace(other, vertices_m=there), np.zeros(3))
+            seen = RayView(mesh, np.eye(3)).trace_heights(np.concatenate(sides) * 1e3).high / 1e3
+            rims_m = np.fmax(rims_m, np.fmax.reduce(seen.reshape(4, -1), axis=1))
+        return rims_m
 
     def _find_sunk_m(self, part: Part) -> float:
         """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""
