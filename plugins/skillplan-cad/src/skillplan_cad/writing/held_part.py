@@ -187,7 +187,7 @@ class Held:
         Parameters
         ----------
         rims_m
-            Heights of what is beside the part at -x, x, -y and y, above its bottom [m], shape (4,).
+            Heights around the part at -x, x, -y and y, above its bottom [m], shape (4,).
         top_m
             Height of the part [m].
         """
@@ -633,7 +633,7 @@ class PartHolds:
         yield from (held for held in released if held not in (None, granted))
 
     def _measure_rims_m(self, part: Part) -> Floats:
-        """Return the heights of earlier parts beside a part, at -x, x, -y and y [m], shape (4,)."""
+        """Return the heights of earlier parts around a part, at -x, x, -y and y [m], shape (4,)."""
         upright = self._upright.of(part.name)
         own = upright.vertices(part)[:, :2]
         low, high = own.min(axis=0), own.max(axis=0)
