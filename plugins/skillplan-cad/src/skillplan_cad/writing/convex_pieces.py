@@ -150,22 +150,32 @@ def _list_bodies(solid: manifold3d.Manifold) -> list[manifold3d.Manifold]:
 
 
 def measure_excess_m(
-    pieces: Pieces, vertices_m: Points, triangles: Triangles, lane: Lane | None
+    pieces: Pieces,
+    vertices_m: Points,
+    triangles: Triangles,
+    lane: Lane | None,
+    enough_m: float = math.inf,
 ) -> float:
-    """Return the greatest depth to which pieces are in the way of other parts [m]."""
+    """Return the greatest depth to which pieces are in the way of other parts [m].
+
+    Parameters
+    ----------
+    enough_m
+        Depth above which no greater one is sought [m].
+    """
     if lane is None:
         return 0.0
     whole, deepest_mm = make_solid(vertices_m, triangles), 0.0
-    hulls = [manifold3d.Manifold.hull_points(points * _TO_MM) for points, _ in pieces]
-    spaces = [hull ^ lane.solid for hull in hulls]
-    # No gap reaches deeper than the space that a hull takes of the lane.
-    bounds_mm = list(map(measure_depth_mm, spaces))
-    for number in np.argsort(bounds_mm)[::-1].tolist():
-        if bounds_mm[number] <= deepest_mm:
+    for points, _ in pieces:
+        hull = manifold3d.Manifold.hull_points(points * _TO_MM)
+        space = hull ^ lane.solid
+        # No gap reaches deeper than the space that a hull takes of the lane.
+        if measure_depth_mm(space) > deepest_mm and measure_thickness(space) > _FILM_MM:
+            own = replace(lane, solid=space)
+            reaches_mm = map(own.measure_reach_mm, (hull - whole).decompose())
+            deepest_mm = max(deepest_mm, *reaches_mm, 0.0)
+        if deepest_mm > enough_m * _TO_MM:
             break
-        if measure_thickness(spaces[number]) > _FILM_MM:
-            own, gaps = replace(lane, solid=spaces[number]), (hulls[number] - whole).decompose()
-            deepest_mm = max(deepest_mm, *map(own.measure_reach_mm, gaps), 0.0)
     return deepest_mm / _TO_MM
 
 

@@ -253,9 +253,11 @@ class Lanes:
             corners, is_convex = self._list_corners(other)
             moved = corners @ own.matrix.T + shift
             swept = _sweep_faces(moved, along, clearance_m * _TO_MM, rooms, is_convex=is_convex)
-            sweep = _unite(swept)
-            thickness_mm = measure_thickness(sweep ^ concave)
-            self._sweeps[key] = sweep if thickness_mm else manifold3d.Manifold(), thickness_mm
+            sweep = _unite(swept).simplify(_FILM_MM)
+            met = sweep ^ concave
+            if met.volume() < _LEAST_MM3:
+                sweep = met = manifold3d.Manifold()
+            self._sweeps[key] = sweep, measure_thickness(met)
         return self._sweeps[key]
 
     def _list_moves(self, name: str) -> Iterator[tuple[Part, Floats]]:

@@ -287,7 +287,8 @@ class Cuts:
                     continue
                 if lane is None or lane.is_like(cut.lane):
                     return pieces, 0.0 if lane is None else cut.excess_m
-                excess_m = measure_excess_m(pieces, vertices_m, triangles, lane)
+                most_m = lane.allowed_m
+                excess_m = measure_excess_m(pieces, vertices_m, triangles, lane, most_m)
                 if excess_m <= lane.allowed_m and lane.frees_jaws(at for at, _ in pieces):
                     return pieces, excess_m
         pieces = decompose_convex(vertices_m, triangles, allowed_m, hollows, lane)
