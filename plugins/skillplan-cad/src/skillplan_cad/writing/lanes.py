@@ -66,12 +66,15 @@ class Lane:
         Allowed width of a gap in it [m].
     jaws
         Space of open jaws in the concave parts, in the frame of the solid [mm].
+    narrower
+        Space of the parts with smaller clearances, in the whole solid.
     """
 
     solid: manifold3d.Manifold
     clearance_m: float
     allowed_m: float
     jaws: manifold3d.Manifold
+    narrower: Lane | None = None
 
     def crop(self, hull: manifold3d.Manifold) -> Lane:
         """Return the part of the space in a hull."""
@@ -102,9 +105,9 @@ class Lane:
         bodies = (gap ^ self.solid).decompose() if bodies is None else bodies
         reach_mm = 2 * max(map(measure_thickness, bodies), default=0.0)
         is_recess = measure_thickness(gap) > _RECESS_MM
-        return (
-            0.0 if is_recess and reach_mm < 2 * _FURTHER * self.clearance_m * _TO_MM else reach_mm
-        )
+        if not is_recess or reach_mm >= 2 * _FURTHER * self.clearance_m * _TO_MM:
+            return reach_mm
+        return 0.0 if self.narrower is None else self.narrower.measure_reach_mm(gap)
 
     def is_like(self, other: Lane | None) -> bool:
         """Return whether another space has the same size, and its jaws the same place."""
@@ -207,7 +210,7 @@ class Lanes:
         if concave.volume() < _LEAST_MM3:
             return None
         rooms = np.array([body.bounding_box() for body in concave.decompose()]).reshape(-1, 2, 3)
-        spaces, widest_m = list[manifold3d.Manifold](), 0.0
+        sweeps: dict[float, list[manifold3d.Manifold]] = {}
         for other, along in self._list_moves(part.name):
             pair = frozenset((part.name, other.name))
             drawn_m = self._drawn_m.get(pair, 0.0)
@@ -215,8 +218,7 @@ class Lanes:
             sweep, thickness_mm = self._sweep(part, other, along, clearance_m, concave, rooms)
             # The waist that a press fit leaves is none: all of the part has to pass.
             if thickness_mm > self._overlaps_m.get(pair, 0.0) * _TO_MM:
-                spaces.append(sweep)
-                widest_m = max(widest_m, clearance_m)
+                sweeps.setdefault(clearance_m, []).append(sweep)
         room = rooms[:, 0].min(axis=0), rooms[:, 1].max(axis=0)
         near = [
             box * _TO_MM
@@ -226,10 +228,12 @@ class Lanes:
         ]
         # Engines let jaws pass where the mesh does.
         held = _simplify(_unite(list(map(manifold3d.Manifold.hull_points, near))) ^ concave)
-        space = _simplify(_unite(spaces) ^ concave)
-        if space.volume() + held.volume() < _LEAST_MM3:
-            return None
-        return Lane(space, widest_m, _CLEARANCE_SHARE * PLAY_M, held)
+        lane = Lane(manifold3d.Manifold(), 0.0, _CLEARANCE_SHARE * PLAY_M, held)
+        for clearance_m in sorted(sweeps):
+            space = _simplify(_unite([lane.solid, *sweeps[clearance_m]]) ^ concave)
+            narrower = None if lane.solid.is_empty() else lane
+            lane = replace(lane, solid=space, clearance_m=clearance_m, narrower=narrower)
+        return None if lane.solid.volume() + held.volume() < _LEAST_MM3 else lane
 
     def _sweep(
         self,
