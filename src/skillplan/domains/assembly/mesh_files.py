@@ -40,6 +40,8 @@ DECIMALS = 9
 # Tolerance of a corner outside the plane of a face, as a share of the greatest extent: files have
 # seven digits, and fewer for lengths far from the origin.
 _FLATNESS = 1e-5
+# Least such tolerance, and width below which a triangle with rounded corners has no plane [m].
+_ROUNDED_M, _SLIVER_M = 2e-7, 1e-6
 # Greatest number of corners times faces in one array.
 _MOST_PRODUCTS = 200_000
 
@@ -271,11 +273,12 @@ def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
     edges_m = np.linalg.norm(np.stack([b - a, c - b, a - c]), axis=2).max(axis=0)
-    flatness_m = max(_FLATNESS * longest_m, 1e-8)
+    flatness_m = max(_FLATNESS * longest_m, _ROUNDED_M)
     # A hull may fold triangles that are thinner than its tolerance; their neighbours decide, but
     # not those of a foil.
-    is_thick = float(np.ptp(corners, axis=0).min()) > 2 * flatness_m
-    sound = np.flatnonzero(lengths > (flatness_m * edges_m if is_thick else 1e-12 * longest_m**2))
+    sliver_m = max(flatness_m, _SLIVER_M)
+    is_thick = float(np.ptp(corners, axis=0).min()) > 2 * sliver_m
+    sound = np.flatnonzero(lengths > (sliver_m * edges_m if is_thick else 1e-12 * longest_m**2))
     a, normals = a[sound], normals[sound]
     levels = np.einsum("ij,ij->i", a, normals)
     highest = levels + flatness_m * lengths[sound]

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import manifold3d
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from skillplan_cad.product import Points, Triangles, make_solid
 from skillplan_cad.writing.lanes import Lane, assign_bodies, measure_depth_mm, measure_thickness
@@ -180,16 +181,24 @@ def measure_excess_m(
 
 
 def build_mesh(hull: manifold3d.Manifold) -> Mesh | None:
-    """Return a hull with vertices rounded as in a file, or None if rounding flattens it."""
-    mesh64 = hull.to_mesh64()
-    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
+    """Return a hull with vertices rounded as in a file, or None if rounding flattens it.
+
+    Qhull keeps it convex where faces are nearly in one plane; manifold3d may miss a corner there.
+    """
+    points = np.asarray(hull.to_mesh64().vert_properties, dtype=np.float64)[:, :3]
     rounded = np.unique(np.round(points, _DECIMALS), axis=0)
-    again = manifold3d.Manifold.hull_points(rounded)
-    if again.is_empty() or again.volume() < _LEAST_MM3:
+    try:
+        again = ConvexHull(rounded) if len(rounded) > 3 else None
+    except QhullError:
+        again = None
+    if again is None or again.volume < _LEAST_MM3:
         return None
-    mesh64 = again.to_mesh64()
-    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3] / _TO_MM
-    return points, np.asarray(mesh64.tri_verts, dtype=np.int64)
+    corners = rounded[again.simplices]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_inward = np.einsum("ij,ij->i", across, again.equations[:, :3]) < 0
+    triangles = np.where(is_inward[:, None], again.simplices[:, ::-1], again.simplices)
+    used, numbers = np.unique(triangles, return_inverse=True)
+    return rounded[used] / _TO_MM, numbers.reshape(-1, 3).astype(np.int64)
 
 
 def _list_faces(solid: manifold3d.Manifold) -> tuple[Points, Points, Floats, Floats]:
