@@ -28,7 +28,7 @@ from skillplan.collision.boxes import (
 from skillplan.collision.detector import Detector
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
-from skillplan.task.motion import AXES, Event, Grasp, GraspKind, Visit
+from skillplan.task.motion import AXES, Event, Grasp, Visit
 from skillplan.task.pose import DOWN, Point, Pose, cross, dot, is_same_direction, plus, unit
 from skillplan.task.scene import (
     WORLD,
@@ -265,11 +265,8 @@ def _find_stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
         return none, none
     length_m = visit.insert_m or _measure_extent_m(scene, visit, visit.along) + _STANDOFF_M
     into = plus(none, visit.along, length_m)
-    # Jaws that close along the insertion cannot retreat along it, because the part is between them.
-    if grasp is not None and grasp.kind is GraspKind.JAWS:
-        across = dot(visit.along, visit.pose.rotate(grasp.closing))
-        if abs(across) > 1e-6:
-            return into, plus(none, points, -freed_m)
+    if grasp is not None and scene.body(visit.subject).keeps_jaws(visit, grasp):
+        return into, plus(none, points, -freed_m)
     return into, plus(none, visit.along, -length_m)
 
 

@@ -35,8 +35,6 @@ _STANDOFF_M = 0.02
 _SCREW_STRETCH_M = 0.05
 # Greatest height of a side insertion above its goal, which avoids dragging [m].
 _SIDE_LIFT_M = 3e-4
-# Least extent of a wall in the way of jaws [m].
-_WALL_M = 0.001
 # Greatest extent below its tip of a hand that does not point down [m].
 _HAND_RADIUS_M = 0.11
 
@@ -427,38 +425,7 @@ def _plan_stretches(
     downwards = is_same_direction(visit.along, DOWN)
     length_m = visit.insert_m or free_m
     inserted = (tip,) if downwards else (tip, plus(tip, visit.along, -length_m))
-    # Jaws that close along the insertion cannot retreat along it, because the part is between them.
-    blocked = grasp.kind is GraspKind.JAWS and (
-        abs(dot(visit.along, closing)) > 1e-6 or _meets_walls(visit, grasp, body)
-    )
-    return inserted, (freed if blocked else inserted)
-
-
-def _meets_walls(visit: Visit, grasp: Grasp, body: Body) -> bool:
-    """Return whether jaws that go back along an insertion may meet the part that they held.
-
-    One of them may be inside a frame. On the pick they came past it in the direction they point.
-    """
-    back = visit.pose.inverse().rotate(plus((0.0, 0.0, 0.0), visit.along, -1.0))
-    out = plus((0.0, 0.0, 0.0), grasp.approach, -1.0)
-    if is_same_direction(back, out):
-        return False
-    for box in body.boxes:
-        (across_m, wide_m), (behind_m, long_m), (above_m, high_m) = (
-            (
-                dot(plus(box.centre, grasp.tip, -1.0), axis),
-                sum(abs(part) * size / 2 for part, size in zip(axis, box.size, strict=True)),
-            )
-            for axis in (grasp.closing, back, out)
-        )
-        if min(behind_m + long_m, above_m + high_m) < _WALL_M:
-            continue
-        if grasp.is_inner:
-            if abs(across_m) - wide_m < grasp.width_m / 2 - _WALL_M:
-                return True
-        elif abs(across_m) + wide_m > grasp.width_m / 2 + _WALL_M:
-            return True
-    return False
+    return inserted, (freed if body.keeps_jaws(visit, grasp) else inserted)
 
 
 def _find_hand_directions(visit: Visit, grasp: Grasp | None) -> tuple[Point, Point]:

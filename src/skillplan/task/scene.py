@@ -14,8 +14,8 @@ from typing import Final
 
 from skillplan.robots.arm_description import ArmDescription, Hand, Transform
 from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
-from skillplan.task.motion import Grasp, GraspKind
-from skillplan.task.pose import Point, Pose, Quaternion, dot, plus, unit
+from skillplan.task.motion import Grasp, GraspKind, Visit
+from skillplan.task.pose import Point, Pose, Quaternion, dot, is_same_direction, plus, unit
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan.task.state import AND, State
 from skillplan.task.zone import Zone
@@ -159,6 +159,10 @@ def name_shank(screw: str) -> str:
     return f"shank of {screw}"
 
 
+# Least extent of a wall in the way of jaws [m].
+_WALL_M = 0.001
+
+
 @dataclass(frozen=True)
 class Body:
     """A rigid body made of boxes, cylinders and meshes.
@@ -238,6 +242,37 @@ class Body:
     def height_m(self) -> float:
         """Height of the top above the origin [m]."""
         return max(box.centre[2] + box.size[2] / 2 for box in self.boxes)
+
+    def keeps_jaws(self, visit: Visit, grasp: Grasp) -> bool:
+        """Return whether jaws cannot go back along the insertion that they made.
+
+        The body is between them if they close along it, or one of them is inside a frame. On the
+        pick they came past it in the direction they point.
+        """
+        if grasp.kind is not GraspKind.JAWS:
+            return False
+        if abs(dot(visit.along, visit.pose.rotate(grasp.closing))) > 1e-6:
+            return True
+        back = visit.pose.inverse().rotate(plus((0.0, 0.0, 0.0), visit.along, -1.0))
+        out = plus((0.0, 0.0, 0.0), grasp.approach, -1.0)
+        if is_same_direction(back, out):
+            return False
+        for box in self.boxes:
+            (across_m, wide_m), (behind_m, long_m), (above_m, high_m) = (
+                (
+                    dot(plus(box.centre, grasp.tip, -1.0), axis),
+                    sum(abs(part) * size / 2 for part, size in zip(axis, box.size, strict=True)),
+                )
+                for axis in (grasp.closing, back, out)
+            )
+            if min(behind_m + long_m, above_m + high_m) < _WALL_M:
+                continue
+            if grasp.is_inner:
+                if abs(across_m) - wide_m < grasp.width_m / 2 - _WALL_M:
+                    return True
+            elif abs(across_m) + wide_m > grasp.width_m / 2 + _WALL_M:
+                return True
+        return False
 
     def reach_m(self, pose: Pose, direction: Point) -> float:
         """Return the extent along a direction from the world's origin [m], at a pose."""

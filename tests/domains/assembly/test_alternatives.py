@@ -139,6 +139,11 @@ def test_one_of_several_comes_first(load):
             {"screws": {"screw": {**SCREW, "through": "chip", "hole_m": [0.42, 0.05]}}},
             "'screw' stands on or goes through it, so it has one goal. Leave it out.",
         ),
+        (
+            {"other_goals": [{"goal_m": [0.6, 0.3]}], "release_m": 0.01},
+            {},
+            "says how far above one place it is let go. Leave out 'other_goals' or this.",
+        ),
         ({}, {"chart": [{"after": ["chip"]}]}, "give one of 'before' and 'any_of'."),
     ],
 )

@@ -52,7 +52,7 @@ _TRIES = 24
 # Directions with a cosine below this differ.
 _STRAIGHT = 1 - 1e-9
 # Number of motions whose paths are kept.
-_MOST_KNOWN = 4_000
+_MOST_KNOWN = 1_000
 _HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 

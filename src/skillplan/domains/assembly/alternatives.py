@@ -18,7 +18,7 @@ MOST_INTERCHANGEABLE = 64
 # Keys in which interchangeable parts agree.
 _SAME = (
     *("size_m", "boxes", "cylinder", "meshes", "tool", "other_tools", "mass_kg", "grasp"),
-    *("grasp_failure", "fits", "durations_s", "optional"),
+    *("grasp_failure", "fits", "durations_s", "optional", "release_m"),
 )
 
 

@@ -626,6 +626,9 @@ class PartConfig(Shaped):
                 "check lists what auto keeps of a part without buffers."
             )
             raise Located(message, "grasp")
+        if self.release_m is not None and self.other_goals:
+            message = "says how far above one place it is let go. Leave out 'other_goals' or this."
+            raise Located(message, "release_m")
         if "frame" in self.model_fields_set and self.insert_along is None:
             raise Located("says in which frame insert_along is, and there is none.", "frame")
         return self

@@ -90,7 +90,7 @@ _RAISED_M = 0.06
 # A part that is let go above its goal: room of the fingers over what encloses it, depth that guides
 # it at least, and greatest height [m].
 _FINGER_ROOM_M, _GUIDED_M, _HIGHEST_M = 5e-4, 1e-3, 0.02
-# Distances from the sides of a part at which the height of what encloses it is measured [m].
+# Distances from the sides of a part at which heights are measured [m]: at the first they guide it.
 _BESIDE_M = (5e-4, 1.5e-3, 3e-3, 5e-3)
 _SIDE_POINTS = 25
 
@@ -187,7 +187,8 @@ class Held:
         Parameters
         ----------
         rims_m
-            Heights around the part at -x, x, -y and y, above its bottom [m], shape (4,).
+            Heights around the part above its bottom at `_BESIDE_M`, a row each for -x, x, -y and y
+            [m], shape (4, 4).
         top_m
             Height of the part [m].
         """
@@ -196,7 +197,7 @@ class Held:
         over_m = float(rims_m.max()) + _FINGER_ROOM_M
         heights_m = [round(over_m - (top_m - grasp["depth_m"]), 4) for grasp in self.grasps]
         least_m = min(heights_m)
-        guide_m = float(rims_m.reshape(2, 2).min(axis=1).max())
+        guide_m = float(rims_m[:, 0].min())
         if not 0 < least_m <= min(_HIGHEST_M, guide_m - _GUIDED_M):
             return None
         near = tuple(
@@ -618,7 +619,8 @@ class PartHolds:
         sunk_m = round(max(0.0, self._find_sunk_m(part) - float(bottom[2])), 6)
         up = self._bearing.get_up(part.name)
         granted = self._known.granted.get((part.name, up))
-        if granted is not None:
+        # What encloses a part that slides to its goal may be another in this order.
+        if granted is not None and not granted.released_m:
             yield granted
         key = (*self._known.find_shape(part, local), part.density_kg_m3, sunk_m)
         tried = []
@@ -630,10 +632,10 @@ class PartHolds:
                 yield held
         rims_m = self._measure_rims_m(part) - bottom[2]
         released = [held.release(rims_m, float(local[:, 2].max())) for held in tried]
-        yield from (held for held in released if held not in (None, granted))
+        yield from (held for held in released if held is not None)
 
     def _measure_rims_m(self, part: Part) -> Floats:
-        """Return the heights of earlier parts around a part, at -x, x, -y and y [m], shape (4,)."""
+        """Return the heights of earlier parts at `_BESIDE_M` from -x, x, -y and y of a part [m]."""
         upright = self._upright.of(part.name)
         own = upright.vertices(part)[:, :2]
         low, high = own.min(axis=0), own.max(axis=0)
@@ -644,7 +646,7 @@ class PartHolds:
             for place in (low[axis] - beside, high[axis] + beside):
                 points = np.stack(np.meshgrid(place, along), axis=-1).reshape(-1, 2)
                 sides.append(points if axis == 0 else points[:, ::-1])
-        rims_m = np.full(4, -np.inf)
+        rims_m = np.full((4, len(beside)), -np.inf)
         before = self._order[: self._order.index(part.name)] if part.name in self._order else ()
         for other in map(self._get_part, before):
             there = upright.vertices(other)
@@ -653,7 +655,7 @@ class PartHolds:
                 continue
             mesh = RayMesh(replace(other, vertices_m=there), np.zeros(3))
             seen = RayView(mesh, np.eye(3)).trace_heights(np.concatenate(sides) * 1e3).high / 1e3
-            rims_m = np.fmax(rims_m, np.fmax.reduce(seen.reshape(4, -1), axis=1))
+            rims_m = np.fmax(rims_m, np.fmax.reduce(seen.reshape(4, -1, len(beside)), axis=1))
         return rims_m
 
     def _find_sunk_m(self, part: Part) -> float:

@@ -110,15 +110,18 @@ class Lane:
         return 0.0 if self.narrower is None else self.narrower.measure_reach_mm(gap)
 
     def is_like(self, other: Lane | None) -> bool:
-        """Return whether another space has the same size, and its jaws the same place."""
+        """Return whether another space has the same size, place and clearance, and so its jaws."""
         if other is None:
             return False
         own, its = self.solid, other.solid
         is_as_large = math.isclose(own.volume(), its.volume(), rel_tol=_SAME_SIZE) and math.isclose(
             own.surface_area(), its.surface_area(), rel_tol=_SAME_SIZE
         )
-        places_mm = self.jaws.bounding_box(), other.jaws.bounding_box()
-        return is_as_large and bool(np.allclose(*places_mm, atol=_SAME_PLACE_MM))
+        here, there = (
+            (*lane.solid.bounding_box(), *lane.jaws.bounding_box()) for lane in (self, other)
+        )
+        is_there = bool(np.allclose(here, there, atol=_SAME_PLACE_MM))
+        return is_as_large and is_there and math.isclose(self.clearance_m, other.clearance_m)
 
 
 def measure_thickness(solid: manifold3d.Manifold) -> float:

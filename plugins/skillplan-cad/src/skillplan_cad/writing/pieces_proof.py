@@ -285,8 +285,11 @@ class Cuts:
                 pieces = cut.turn(vertices_m, triangles) if is_same else None
                 if pieces is None:
                     continue
-                if lane is None or lane.is_like(cut.lane):
-                    return pieces, 0.0 if lane is None else cut.excess_m
+                if lane is None:
+                    return pieces, 0.0
+                # Pieces that are turned free another place.
+                if pieces is cut.pieces and lane.is_like(cut.lane):
+                    return pieces, cut.excess_m
                 most_m = lane.allowed_m
                 excess_m = measure_excess_m(pieces, vertices_m, triangles, lane, most_m)
                 if excess_m <= lane.allowed_m and lane.frees_jaws(at for at, _ in pieces):
