@@ -260,7 +260,7 @@ class Lanes:
             corners, is_convex = self._list_corners(other)
             moved = corners @ own.matrix.T + shift
             swept = _sweep_faces(moved, along, clearance_m * _TO_MM, rooms, is_convex=is_convex)
-            sweep = _unite(swept).simplify(_FILM_MM)
+            sweep = _unite(swept).simplify(_FILM_MM).as_original()
             met = sweep ^ concave
             if met.volume() < _LEAST_MM3:
                 sweep = met = manifold3d.Manifold()
@@ -325,9 +325,12 @@ def _unite(solids: Sequence[manifold3d.Manifold]) -> manifold3d.Manifold:
 
 
 def _simplify(solid: manifold3d.Manifold) -> manifold3d.Manifold:
-    """Return a solid without bodies and details that are thinner than a film."""
+    """Return a solid without bodies and details that are thinner than a film.
+
+    It forgets the solids that it was made of: each result of it would have a table of them all.
+    """
     bodies = [body for body in solid.decompose() if measure_thickness(body) > _FILM_MM]
-    return manifold3d.Manifold.compose(bodies).simplify(_FILM_MM)
+    return manifold3d.Manifold.compose(bodies).simplify(_FILM_MM).as_original()
 
 
 def _sweep_faces(
