@@ -36,8 +36,6 @@ from skillplan_pinocchio.sweep import Touch
 
 # Maximum excursion of a link between the nodes of a path [m].
 _BULGE_M = 0.02
-# Accuracy of a measured distance [m].
-_ACCURACY_M = 1e-5
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ class LinkSweep:
                 if gap_m is None:
                     first, geometries = (sample, number), pair
                     break
-                free_m = moved_m[sample] + gap_m - _ACCURACY_M
+                free_m = moved_m[sample] + gap_m
         if first is None:
             return None
         sample, number = first

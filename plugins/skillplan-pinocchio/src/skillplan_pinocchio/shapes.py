@@ -33,6 +33,9 @@ _TABLE_THICKNESS_M: Final = 1.0
 _MOST_TOUCHES: Final = 2_000
 _FIRST_TOUCHES: Final = (1, 8)
 
+# Accuracy of a distance that coal measures [m].
+_ACCURACY_M: Final = 1e-5
+
 # Triangles in a tree of boxes.
 _TREE: Final = coal.BVHModelOBBRSS
 
@@ -232,16 +235,17 @@ def measure_gap(
 def bound_gap(
     geometry: Any, at: Any, other: Any, other_at: Any, tolerance_m: float
 ) -> float | None:
-    """Return a lower bound of the distance between two geometries of coal [m], >= 0 or a depth.
+    """Return a lower bound of the distance between two geometries of coal [m].
 
     Parameters
     ----------
     tolerance_m
-        Depth of an overlap beyond which there is no bound, but None [m], >= 0.
+        Depth of an overlap beyond which there is no bound, but None [m], >= 0. Bounds of smaller
+        overlaps are negative.
     """
     if not isinstance(other, _TREE):
         gap_m = measure_gap(geometry, at, other, other_at)
-        return gap_m if gap_m >= -tolerance_m else None
+        return gap_m - _ACCURACY_M if gap_m >= -tolerance_m else None
     # A triangle that is met first is often deep enough, and all of them take long.
     for most in (*_FIRST_TOUCHES, _MOST_TOUCHES):
         result = _collide(geometry, at, other, other_at, most)
@@ -250,7 +254,8 @@ def bound_gap(
             return None
         if len(depths_m) < most:
             break
-    return 0.0 if depths_m else max(0.0, float(result.distance_lower_bound))
+    gap_m = 0.0 if depths_m else max(0.0, float(result.distance_lower_bound))
+    return gap_m - _ACCURACY_M
 
 
 def is_deeper(geometry: Any, at: Any, other: Any, other_at: Any, tolerance_m: float) -> bool:

@@ -22,9 +22,6 @@ from skillplan_pinocchio.shapes import (
     measure_distance,
 )
 
-# Accuracy of a measured distance [m].
-_ACCURACY_M = 1e-5
-
 
 @dataclass(frozen=True, eq=False)
 class Touch:
@@ -185,7 +182,7 @@ class _Line:
     ) -> None:
         self._piece, self._other, self._by = piece, other, by
         self._samples, self._tolerance_m = samples, tolerance_m
-        self._step_m = max(math.hypot(*by) / samples, _ACCURACY_M)
+        self._step_m = math.hypot(*by) / samples or math.inf
         # Bounds of the distance [m] by sample; None for an overlap by more than the tolerance.
         self._bounds_m: dict[int, float | None] = {}
 
@@ -206,7 +203,7 @@ class _Line:
                 )
             gap_m = self._bounds_m[number]
             yield number, gap_m
-            far_m = (gap_m or 0.0) - within_m - _ACCURACY_M
+            far_m = (gap_m or 0.0) - within_m
             number += 1 + max(0, int(far_m / self._step_m))
 
     def find_nearest(self) -> int:
@@ -216,7 +213,7 @@ class _Line:
         distances_m = {first: self._measure(first).distance_m}
         within_m = max(0.0, distances_m[first])
         for number, gap_m in self.iterate(0, within_m):
-            if number != first and (gap_m or 0.0) <= within_m + _ACCURACY_M:
+            if number != first and (gap_m or 0.0) <= within_m:
                 distances_m[number] = self._measure(number).distance_m
         return min(sorted(distances_m), key=lambda number: distances_m[number])
 
