@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -19,6 +20,8 @@ def main() -> None:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
     # Importing makes a hundred thousand objects and no garbage.
     gc.set_threshold(200_000, *gc.get_threshold()[1:])
+    # Matrices are small: threads that share one mostly wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from skillplan.cli.writing import open_standard_streams
     from skillplan.workers.supervisor import supervise
 

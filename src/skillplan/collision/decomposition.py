@@ -183,7 +183,8 @@ def _measure(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
 def _measure_reached(part: Polyhedron, points: Floats) -> Floats:
     """Return how far points are within a convex piece [m]; negative outside."""
     normals, offsets = part.planes
-    return np.asarray((offsets - points @ normals.T).min(axis=1))
+    # A row for each plane: the least of columns is found many times as fast as that of rows.
+    return np.asarray((offsets[:, None] - normals @ points.T).min(axis=0))
 
 
 def _sample_surface(triangles: Floats, count: int) -> Floats:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import manifold3d
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skillplan_cad.blocking.all_pairs import BlockingTest
@@ -316,26 +317,41 @@ class _Cut:
         is_same_mesh = np.array_equal(triangles, self.triangles)
         if is_same_mesh and np.abs(vertices_m - self.vertices_m).max() < _ROUNDED_M:
             return self.pieces
-        if is_same_mesh:
-            motion = _fit_rigid_motion(self.vertices_m, vertices_m)
-            if np.abs(_move(self.vertices_m, motion) - vertices_m).max() > _ROUNDED_M:
-                return None
-        else:
-            found = _find_rigid_motion(self.vertices_m, vertices_m)
-            if found is None:
-                return None
-            motion = found
-            moved = make_solid(_move(self.vertices_m, motion), self.triangles)
-            own = make_solid(vertices_m, triangles)
-            films = [*(moved - own).decompose(), *(own - moved).decompose()]
-            if any(measure_thickness(film) > _FILM_MM for film in films):
-                return None
+        motion = _find_motion(self.vertices_m, self.triangles, vertices_m, triangles)
+        if motion is None:
+            return None
         # Rounded faces of small pieces are no longer convex, so each piece is a hull anew.
         rebuilt = (
             build_mesh(manifold3d.Manifold.hull_points(_move(points, motion) * 1e3))
             for points, _ in self.pieces
         )
         return tuple(piece for piece in rebuilt if piece is not None)
+
+
+def _find_motion(
+    before_m: Points, before: Triangles, after_m: Points, after: Triangles
+) -> Motion | None:
+    """Return the motion that brings a mesh onto an equal one, or None."""
+    if np.array_equal(before, after):
+        motion = _fit_rigid_motion(before_m, after_m)
+        is_met = np.abs(_move(before_m, motion) - after_m).max() < _ROUNDED_M
+        return motion if is_met else None
+    found = _find_rigid_motion(before_m, after_m)
+    if found is None:
+        return None
+    motion, mates = found
+    if np.array_equal(_sort_triangles(mates[before]), _sort_triangles(after)):
+        return motion
+    moved, own = make_solid(_move(before_m, motion), before), make_solid(after_m, after)
+    films = [*(moved - own).decompose(), *(own - moved).decompose()]
+    return None if any(measure_thickness(film) > _FILM_MM for film in films) else motion
+
+
+def _sort_triangles(triangles: Triangles) -> Triangles:
+    """Return triangles in an order of their corners, each from its first corner on."""
+    first = triangles.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1)
+    return turned[np.lexsort(turned.T)]
 
 
 def _move(points_m: Points, motion: Motion) -> Points:
@@ -355,8 +371,10 @@ def _fit_rigid_motion(before_m: Points, after_m: Points) -> Motion:
     return turn, centre_after - turn @ centre_before
 
 
-def _find_rigid_motion(before_m: Points, after_m: Points) -> Motion | None:
-    """Return a motion that brings points onto others in any order, or None.
+def _find_rigid_motion(
+    before_m: Points, after_m: Points
+) -> tuple[Motion, NDArray[np.int64]] | None:
+    """Return a motion that brings points onto others in any order, with their numbers, or None.
 
     Two corners far from the centre and from each other fix the rotation.
     """
@@ -382,7 +400,7 @@ def _find_rigid_motion(before_m: Points, after_m: Points) -> Motion | None:
             _, mates = tree.query(before @ turn.T)
             turn, shift_m = _fit_rigid_motion(before_m, after_m[mates])
             if np.abs(before_m @ turn.T + shift_m - after_m[mates]).max() < _NEAR_M:
-                return turn, shift_m
+                return (turn, shift_m), mates
     return None
 
 
