@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,9 @@ import numpy.typing as npt
 from skillplan.collision.solid import Polygon, area, clip_below, intersect
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape, list_prism_faces
+
+if TYPE_CHECKING:
+    import shapely
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -207,6 +211,8 @@ _SKEW = np.linalg.qr(np.array([[1.0, 0.37, 0.23], [-0.41, 1.0, 0.31], [-0.19, -0
 # Number of points or edges for which the nearest faces are chosen together.
 _GROUP = 64
 _NM = 1e-9
+# Numbers of the next corners of a triangle, and of those before.
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
 def measure_depths(surface: Polyhedron, points: Floats) -> Floats:
@@ -347,33 +353,41 @@ class _Faces:
             is_inside[some] = self._turns(points[some]) > 0.5
         return is_inside
 
+    @cached_property
+    def _skewed(self) -> tuple[Floats, shapely.STRtree]:
+        """Turned triangles, shape (axes, corners, faces), and their boxes in plan.
+
+        Few walls are upright then.
+        """
+        tops = (self._triangles - self._middle) @ _SKEW.T
+        return np.ascontiguousarray(tops.T), _build_tree(tops)
+
     def _count_above(self, points: Floats) -> tuple[Indices, npt.NDArray[np.bool_]]:
         """Return by how many more upward than downward faces are above points, and the open points.
 
         A point is open if it is too near a face, or if its ray is too near an edge. Coordinates are
         turned, so few rays along walls and edges are.
         """
-        tops = (self._triangles - self._middle) @ _SKEW.T
+        tops, tree = self._skewed
         origins = (points - self._middle) @ _SKEW.T
         counts, is_open = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=bool)
         slack = _ROUNDING * float(np.abs(tops).max()) ** 2
-        for which, face in _pair_in_plan(origins[:, None], tops):
-            point, corners = origins[which], tops[face]
-            above = corners[:, :, 2].max(axis=1) > point[:, 2] - _SLACK_M
-            which, point, corners = which[above], point[above], corners[above]
-            away = corners - point[:, None]
-            x, y, z = away[:, :, 0], away[:, :, 1], away[:, :, 2]
+        highest = tops[2].max(axis=0) + _SLACK_M
+        for which, face in _query_in_plan(origins[:, None], tree):
+            is_above = highest[face] > origins[which, 2]
+            which, face = which[is_above], face[is_above]
+            x, y, z = tops.take(face, axis=2) - origins.T.take(which, axis=1)[:, None]
             # Areas of the triangles of the point with the sides of the face, in plan.
-            areas = x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)
-            turn, total = np.sign(areas), areas.sum(axis=1)
-            is_met = np.abs(turn.sum(axis=1)) == 3
-            heights = (areas * np.roll(z, 1, axis=1)).sum(axis=1)
-            heights /= np.where(is_met, total, 1.0)
-            is_near = (np.abs(areas) <= slack).any(axis=1)
-            is_near |= is_met & (np.abs(heights) <= _SLACK_M)
+            areas = x * y[_NEXT] - y * x[_NEXT]
+            turn = np.sign(areas)
+            is_near = (np.abs(areas) <= slack).any(axis=0)
+            is_met = np.abs(turn.sum(axis=0)) == 3
+            met = areas[:, is_met]
+            heights = (met * z[_LAST][:, is_met]).sum(axis=0) / met.sum(axis=0)
+            is_near[is_met] |= np.abs(heights) <= _SLACK_M
             is_open[which[is_near]] = True
-            is_crossed = is_met & (heights > 0)
-            np.add.at(counts, which[is_crossed], turn[is_crossed, 0].astype(np.int64))
+            crossed = np.flatnonzero(is_met)[heights > 0]
+            np.add.at(counts, which[crossed], turn[0, crossed].astype(np.int64))
         return counts, is_open
 
     def _squares_from(self, points: Floats) -> Floats:
@@ -612,18 +626,29 @@ def _pair_in_plan(items: Floats, others: Floats) -> Iterator[tuple[Indices, Indi
     items, others
         Points, edges or triangles by their corners [m], shape (items, corners, 3).
     """
-    if not (len(items) and len(others)):
-        return
+    if len(items) and len(others):
+        yield from _query_in_plan(items, _build_tree(others))
+
+
+def _build_tree(triangles: Floats) -> shapely.STRtree:
+    """Return a tree of the bounding boxes in plan of points, edges or triangles."""
     import shapely
 
-    (low, high), (low_2, high_2) = (
-        (each[:, :, :2].min(axis=1), each[:, :, :2].max(axis=1)) for each in (items, others)
-    )
-    tree = shapely.STRtree(shapely.box(*(low_2 - _SLACK_M).T, *(high_2 + _SLACK_M).T))
-    chunk = max(1, _PAIRS_FALLING // len(others))
+    low, high = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
+    return shapely.STRtree(shapely.box(*(low - _SLACK_M).T, *(high + _SLACK_M).T))
+
+
+def _query_in_plan(items: Floats, tree: shapely.STRtree) -> Iterator[tuple[Indices, Indices]]:
+    """Yield the numbers of items and of boxes of a tree that overlap in plan."""
+    import shapely
+
+    low, high = items[:, :, :2].min(axis=1), items[:, :, :2].max(axis=1)
+    chunk = max(1, _PAIRS_FALLING // len(tree))
     for first in range(0, len(items), chunk):
         some = slice(first, first + chunk)
-        item, other = tree.query(shapely.box(*low[some].T, *high[some].T))
+        is_point = items.shape[1] == 1
+        boxes = shapely.points(low[some]) if is_point else shapely.box(*low[some].T, *high[some].T)
+        item, other = tree.query(boxes)
         yield first + item, other
 
 

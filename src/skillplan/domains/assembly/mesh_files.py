@@ -128,7 +128,7 @@ def build_polyhedron(
             f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
         )
     longest_m = float(size.max())
-    volume_m3 = _measure_outward_m3(corners, faces)
+    volume_m3 = _measure_outward_m3(corners, faces, is_connected=is_connected)
     if volume_m3 is None:
         corners, faces = _separate_bodies(corners, faces)
         surface = _orient_outward(corners, faces, is_connected=is_connected)
@@ -147,7 +147,7 @@ def build_polyhedron(
     )
 
 
-def _measure_outward_m3(corners: Floats, faces: Indices) -> float | None:
+def _measure_outward_m3(corners: Floats, faces: Indices, *, is_connected: bool) -> float | None:
     """Return the volume within closed bodies [m3]; None unless all faces look outward."""
     begins, ends = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
     there, back = begins * len(corners) + ends, ends * len(corners) + begins
@@ -155,9 +155,13 @@ def _measure_outward_m3(corners: Floats, faces: Indices) -> float | None:
     if (np.diff(there[order]) == 0).any() or (there[order] != back[mates]).any():
         # An edge is not one between two faces that run along it in opposite ways.
         return None
-    bodies = label_connected(np.column_stack([order, mates]) // 3, len(faces))
     a, b, c = (corners[faces[:, corner]] for corner in range(3))
-    volumes_m3 = np.bincount(bodies, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
+    volumes_m3 = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    if is_connected:
+        volumes_m3 = volumes_m3.sum(keepdims=True)
+    else:
+        bodies = label_connected(np.column_stack([order, mates]) // 3, len(faces))
+        volumes_m3 = np.bincount(bodies, volumes_m3)
     return float(volumes_m3.sum()) if (volumes_m3 > 0).all() else None
 
 
