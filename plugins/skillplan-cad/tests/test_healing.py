@@ -325,6 +325,20 @@ class TestMeshes:
         assert mended.open_edges == 0
         assert mended.notes == ("block: 1 edge was split at a corner in the middle",)
 
+    def test_a_hole_at_an_edge_of_another_body_is_filled(self):
+        """A tetrahedron stands on an edge of the missing triangle: three triangles share it."""
+        mesh = self.block().subdivide().subdivide().subdivide()
+        vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        top = np.flatnonzero(mesh.face_normals[:, 2] > 0.5)[0]
+        a, b, _ = triangles[top]
+        d, e = len(vertices), len(vertices) + 1
+        vertices = np.vstack([vertices, vertices[[a, b]] + [[0, 0, 3], [0, 2, 3]]])
+        fin = [[a, b, d], [a, d, e], [a, e, b], [b, e, d]]
+        triangles = np.vstack([np.delete(triangles, top, axis=0), fin])
+        mended = mend(RawPart("block", (), vertices, triangles))
+        assert mended.open_edges == 0
+        assert "a hole" in mended.notes[-1]
+
     def test_a_gap_is_welded_up_to_the_chord_and_a_missing_face_is_not(self):
         mesh = self.block()
         corners = np.asarray(mesh.triangles) * 1e-3

@@ -335,10 +335,10 @@ def test_jaws_hold_a_ring_from_outside_and_a_high_one_from_inside():
     assert max(grasp.entry["width_m"] for grasp in grasps) == pytest.approx(0.012, abs=1e-4)
     # Tips would be in the table below a washer, and rays of a large part are 7 mm apart.
     slim = replace(HAND, jaw_m=((0.0, 0.002, 0.0, 0.001), (0.05, 0.002, 0.0, 0.001)))
-    assert washer.find_inner_grasps(slim) == []
-    assert finder_of(box(0, 0, 0, 20, 20, 500)).find_inner_grasps(slim) == []
+    assert washer.find_inner_grasps(slim, [DOWN]) == []
+    assert finder_of(box(0, 0, 0, 20, 20, 500)).find_inner_grasps(slim, [DOWN]) == []
     ring = finder_of(rod(0, 0, 0, 15, 5) - rod(0, 0, -1, 7, 7))
-    assert {grasp.entry["hold"] for grasp in ring.find_inner_grasps(slim)} == {"inner"}
+    assert {grasp.entry["hold"] for grasp in ring.find_inner_grasps(slim, [DOWN])} == {"inner"}
 
 
 def test_jaws_reach_below_the_bevel_of_a_part_on_which_rays_are_wide_apart():
@@ -426,6 +426,28 @@ def test_the_lightest_gripper_of_the_catalogue_holds_what_no_hand_and_no_cup_doe
     assert (grasp["closing_axis"], grasp["width_m"]) == closing
     (entry,) = cad.build_tool_entries("ur30", [{**holds[0].entry, "mass_kg": 1.0}]).values()
     assert (entry["model"], entry["force_n"]) == (gripper, 33)
+
+
+def test_a_bush_on_its_side_is_held_from_inside_and_a_rod_at_its_ends():
+    """Both go level into what leaves jaws no room; jaws press with all force at ends."""
+    bush = part_of("bush", (rod(0, 0, -3, 8, 6) - rod(0, 0, -3, 6, 6)).rotate((0, 90, 0)))
+    local = bush.vertices_m + np.array([0.0, 0.0, 0.008])
+    *_, inside = cad.list_holds(bush, local, np.array([0.0, 0.0, 0.008]), HAND)
+    assert inside.tool == "finger_tips"
+    assert inside.raised_m > 0
+    assert {(g["hold"], *g["approach"]) for g in inside.grasps} == {
+        ("inner", 1.0, 0.0, 0.0),
+        ("inner", -1.0, 0.0, 0.0),
+    }
+    shaft = part_of("shaft", rod(0, 0, -75, 5, 150).rotate((0, 90, 0)))
+    local = shaft.vertices_m + np.array([0.0, 0.0, 0.005])
+    *_, ends = cad.list_holds(shaft, local, np.array([0.0, 0.0, 0.005]), HAND)
+    assert ends.at_end
+    assert sorted(np.sign(g["at_m"][0]) for g in ends.grasps) == [-1.0, 1.0]
+    assert min(abs(g["at_m"][0]) for g in ends.grasps) > 0.06
+    entry = {**ends.entry, "mass_kg": shaft.mass_kg}
+    tools = cad.build_tool_entries("ur10e", [entry], firm={ends.tool})
+    assert tools[ends.tool]["force_n"] == HAND.force_n
 
 
 @pytest.mark.slow

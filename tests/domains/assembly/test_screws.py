@@ -351,6 +351,16 @@ def test_a_nut_is_a_ring_that_a_socket_turns():
     assert "placed(base)" in task.skill("fasten(nut)").precondition.requires
 
 
+def test_a_socket_is_as_deep_as_given():
+    """So its rim stays above what a thin nut lies on."""
+    (task,) = AssemblyDomain().ground(
+        AssemblyConfig.model_validate(nut(tools__spindle__socket_depth_m=0.0015)), ""
+    )
+    (spindle,) = (tool for tool in task.scene.robots[0].tools if tool.name == "spindle")
+    rim_m = min(shape.box.centre[2] - shape.box.size[2] / 2 for shape in spindle.shapes)
+    assert rim_m == pytest.approx(-0.0015)
+
+
 def test_a_thread_of_no_size_is_as_drawn():
     content = nut(screws__nut__thread_m=0.0054, screws__nut__head_height_m=0.005)
     content["screws"]["nut"]["head_diameter_m"] = 0.016 / math.sqrt(3)

@@ -114,6 +114,12 @@ class ToolConfig(Strict):
         "[m]; it turns nuts and hexagon heads, its outer diameter is 'bit_diameter_m', left out: "
         "1.5 times the width; left out: a bit",
     )
+    socket_depth_m: Annotated[float, Field(ge=5e-4, le=0.1)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="depth of that socket about a nut or head, less than its height [m]; left out: "
+        "0.33 times the width",
+    )
     torque_nm: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
         None,
         exclude_if=is_absent,
@@ -283,6 +289,8 @@ class ToolConfig(Strict):
     @model_validator(mode="after")
     def _socket_has_walls(self) -> ToolConfig:
         if self.socket_m is None:
+            if self.socket_depth_m is not None:
+                raise Located("give 'socket_m', too, or leave it out.", "socket_depth_m")
             return self
         if self.type != "screwdriver":
             raise Located("only a screwdriver has a socket. Give type: screwdriver.", "socket_m")
@@ -312,8 +320,12 @@ class ToolConfig(Strict):
         """Position of its holder [m]."""
         x_m, y_m = self.holder_m or (0.0, 0.0)
         # The rim of a socket is below its tip.
-        below_m = _SOCKET_BELOW * self.socket_m if self.socket_m else 0.0
-        return (x_m, y_m, self.holder_height_m + below_m)
+        return (x_m, y_m, self.holder_height_m + self._socket_below_m)
+
+    @property
+    def _socket_below_m(self) -> float:
+        """Depth of the socket below the tip [m]; 0 without one."""
+        return self.socket_depth_m or _SOCKET_BELOW * (self.socket_m or 0.0)
 
     @property
     def bit_m(self) -> tuple[float, float] | None:
@@ -411,9 +423,9 @@ class ToolConfig(Strict):
         outer_m = (self.bit_diameter_m or _SOCKET_WIDTHS * self.socket_m) / 2
         inner_m = self.socket_m / math.sqrt(3) + _SOCKET_PLAY_M
         flat = math.cos(math.pi / _SOCKET_SIDES)
-        below_m, inside_m = _SOCKET_BELOW * self.socket_m, min(self.socket_m, length_m / 2)
+        inside_m = min(self.socket_m, length_m / 2)
         corners_m = inner_m / flat, outer_m / flat
-        yield from make_ring(*corners_m, -below_m, inside_m, _SOCKET_SIDES)
+        yield from make_ring(*corners_m, -self._socket_below_m, inside_m, _SOCKET_SIDES)
         yield Cylinder(2 * outer_m, length_m - inside_m, (0.0, 0.0, (inside_m + length_m) / 2))
 
     def list_shapes(self, kind: ToolKind, hand: Hand) -> tuple[Shape, ...]:

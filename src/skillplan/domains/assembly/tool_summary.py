@@ -27,6 +27,7 @@ _FACTS: Final = (
     ("inner_grip_m", "m"),
     ("cup_diameter_m", "m"),
     ("socket_m", "m"),
+    ("socket_depth_m", "m"),
     ("bit_length_m", "m"),
     ("bit_diameter_m", "m"),
     ("force_n", "N"),

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.blocking.ray_mesh import RayMesh
-from skillplan_cad.product import Face, Part
+from skillplan_cad.product import Face, Part, Vector
+from skillplan_cad.reading.raw_part import compute_area_vectors_m2
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ def describe_turned_shape(part: Part) -> TurnedShape | None:
     """
     moments = _measure_moments(part)
     lines = (_find_cylinder_axis(part), _find_inertia_axis(part, moments))
-    round_one, turned = (line and _describe(part, *line, moments) for line in lines)
+    round_one, turned = (line and _describe(part, *_square(part, *line), moments) for line in lines)
     if round_one is None or turned is None:
         return round_one or turned
     is_centred = round_one.offset_m <= _CENTRED * round_one.shank_m
@@ -214,6 +215,25 @@ def _find_inertia_axis(part: Part, moments: Floats) -> tuple[Floats, Floats] | N
     return axis / np.linalg.norm(axis), np.asarray(part.centre_m)
 
 
+def _square(part: Part, axis: Floats, origin: Floats) -> tuple[Floats, Floats]:
+    """Return an axis square to the widest flat end that is nearly so, and its place in the part.
+
+    Facets of curved faces spoil moments and cylinders that are fitted to them.
+    """
+    ends = [face for face in part.faces if face.kind == "plane" and _is_along(face.axis, axis)]
+    if not ends:
+        return axis, origin
+    areas_m2 = np.linalg.norm(compute_area_vectors_m2(part.vertices_m, part.triangles), axis=1)
+    widest = max(ends, key=lambda face: float(areas_m2[face.triangles].sum()))
+    normal = np.asarray(widest.axis)
+    middle = origin + ((np.asarray(part.centre_m) - origin) @ axis) * axis
+    return normal if normal @ axis > 0 else -normal, middle
+
+
+def _is_along(direction: Vector, axis: Floats) -> bool:
+    return float(np.linalg.norm(np.cross(np.asarray(direction), axis))) < _ONE_LINE_RAD
+
+
 def _measure_moments(part: Part) -> Floats:
     """Return the second moments of a part's volume about its centre [m5]."""
     corners = part.vertices_m[part.triangles] - part.centre_m
@@ -258,9 +278,7 @@ def _is_coaxial(face: Face, axis: Floats, origin: Floats) -> bool:
         return False
     offset = np.asarray(face.origin_m) - origin
     off = np.linalg.norm(offset - (offset @ axis) * axis)
-    return bool(
-        np.linalg.norm(np.cross(face.axis, axis)) < _ONE_LINE_RAD and off < 0.05 * face.radius_m
-    )
+    return _is_along(face.axis, axis) and bool(off < 0.05 * face.radius_m)
 
 
 def _measure_length_m(face: Face) -> float:

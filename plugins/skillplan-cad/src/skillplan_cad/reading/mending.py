@@ -469,8 +469,11 @@ def _fill_holes(part: RawPart, repairs: _Repairs) -> RawPart:
     edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     ordered = np.sort(edges, axis=1)
     _, which = _find_distinct_rows(ordered)
-    lonely = edges[np.bincount(which)[which] == 1]
-    loops = _chain_loops(lonely)
+    # A hole may end at an edge that three triangles share.
+    ways = np.where(edges[:, 0] < edges[:, 1], 1, -1)
+    spare = np.flatnonzero(ways == np.bincount(which, ways)[which])
+    _, once = np.unique(which[spare], return_index=True)
+    loops = _chain_loops(edges[spare[np.sort(once)]])
     areas = np.linalg.norm(compute_area_vectors_m2(part.vertices_m, triangles), axis=1)
     allowed = _MOST_FILLED * float(areas.sum())
     points, extra = [part.vertices_m], []

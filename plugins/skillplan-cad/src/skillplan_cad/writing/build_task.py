@@ -628,7 +628,12 @@ class _TaskBuilder:
             if failure.falls and self._holding and name not in self._bearing.held:
                 self._falling.append(name)
             elif not self._holds.take_next(name, failure):
-                reasons |= self._conflicting.get(name) or self._holds.give_up(name)
+                conflicting = self._conflicting.pop(name, None)
+                reasons |= conflicting or self._holds.give_up(name)
+                if conflicting:
+                    # It passed its trial without the part that is left out now.
+                    self._holds.begin_again(name)
+                    trials.forget(task_name)
             elif is_hurried:
                 reasons |= self._explain_untried([name])
         reasons |= self._explain_untried(names[task_name] for task_name in trial.untried)

@@ -125,12 +125,15 @@ class Held:
         Height at which a feeder has to present the part for these grasps [m]; 0 on the table.
     released_m
         Height above its goal at which it is let go [m]; 0 at its goal.
+    at_end
+        True if jaws hold it at an end, which has room where its middle has none.
     """
 
     tool: str
     grasps: tuple[Mapping[str, Any], ...]
     raised_m: float = 0.0
     released_m: float = 0.0
+    at_end: bool = False
 
     def compute_load_kg(self, part: Part, hand: Hand) -> float:
         """Return the mass of a part with the tool that holds it [kg]."""
@@ -261,7 +264,7 @@ def list_holds(
     yield from _hold_by_cup(finder, SMALL_CUP)
     tips, clearance_m = get_jaws(hand, TIPS)
     by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m, clearance_m=clearance_m)
-    by_tips += finder.find_inner_grasps(tips)
+    by_tips += finder.find_inner_grasps(tips, (DOWN,))
     if by_tips:
         yield _hold(TIPS, sorted(by_tips, key=lambda grasp: grasp.cost))
     sides = finder.list_sides()
@@ -278,6 +281,12 @@ def list_holds(
     raised = finder.find_jaw_grasps(hand, sides, sunk_m, _RAISED_M)
     if raised:
         yield _hold(GRIPPER, raised, _RAISED_M)
+    inside = finder.find_inner_grasps(tips, sides)
+    if inside:
+        yield _hold(TIPS, inside, _RAISED_M)
+    ends = finder.find_jaw_grasps(hand, (DOWN,), sunk_m, at_ends=True)
+    if ends:
+        yield replace(_hold(GRIPPER, ends), at_end=True)
 
 
 def _hold(tool: str, grasps: Sequence[JawGrasp], raised_m: float = 0.0) -> Held:
@@ -513,6 +522,14 @@ class PartHolds:
             self._heavy.setdefault(name, held)
         return False
 
+    def begin_again(self, name: str) -> None:
+        """Choose the first tool of a part or the shortest bit, and forget its failures."""
+        for kept in (self._failures, self._choices, self._extensions, self._tried_bits):
+            kept.pop(name, None)
+        self._futile -= {(name, True), (name, False)}
+        if name not in self._relation.driven:
+            self.take_next(name)
+
     def _note_failure(self, name: str, failure: Failure) -> None:
         first, held = self._failures.setdefault(name, failure), self._chosen.get(name)
         from_above = held is None or held.is_from_above
@@ -527,7 +544,7 @@ class PartHolds:
     def _is_futile(self, name: str, held: Held) -> bool:
         """Return whether a gripper is in vain as one that needs less room was."""
         is_thick = held.tool == GRIPPER or held.tool in GRIPPERS
-        is_usual = not (held.raised_m or held.released_m)
+        is_usual = not (held.raised_m or held.released_m or held.at_end)
         return is_thick and is_usual and (name, held.is_from_above) in self._futile
 
     def give_up(self, name: str) -> dict[str, LeftOut]:

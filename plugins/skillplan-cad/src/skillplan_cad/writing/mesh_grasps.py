@@ -55,6 +55,8 @@ _SIDE_MARGIN_M = 4e-3
 _DEPTH_CLASSES_M = (0.005, 0.0125)
 # Number of grasps of a part, and distance between two of them [m].
 _MOST_GRASPS, _MOST_INNER, _APART_M = 6, 2, 6e-3
+# Least distance of a grasp at an end of a part from its centre of mass [m].
+_END_M = 0.03
 # Cosine between a face and a closing direction, and share of the surface worth a direction.
 _ALONG, _WORTH = 0.999, 0.02
 # Cosine between an axis and a face that turns the part flush with jaws, share of the surface, and
@@ -162,6 +164,8 @@ class GraspFinder:
         sunk_m: float,
         raised_m: float = 0.0,
         clearance_m: float = OPEN_M,
+        *,
+        at_ends: bool = False,
     ) -> list[JawGrasp]:
         """Return the best grasps from some sides, the best first.
 
@@ -176,6 +180,8 @@ class GraspFinder:
             Height of the part's bottom at its start [m].
         clearance_m
             Clearance of open jaws on each side of the part [m].
+        at_ends
+            Return the outermost grasps of a long part, one of each end, instead.
         """
         jaws = _Jaws(hand, clearance_m)
         candidates = [
@@ -184,6 +190,8 @@ class GraspFinder:
             for closing in self._list_closings(approach)
             for grasp in self._search(jaws, np.array(approach), closing, sunk_m, raised_m)
         ]
+        if at_ends:
+            return self._choose_ends(candidates)
         # The best of each side, closing direction and depth first: a neighbour may be in the way of
         # deep fingers, and a rim in the way of shallow ones.
         candidates.sort(key=lambda grasp: grasp.cost)
@@ -196,39 +204,59 @@ class GraspFinder:
                 chosen.append(grasp)
         return sorted(chosen, key=lambda grasp: grasp.cost)
 
-    def find_inner_grasps(self, hand: Hand) -> list[JawGrasp]:
-        """Return grasps from above of jaws that open in a hole, at most one of each direction."""
+    def _choose_ends(self, candidates: Sequence[JawGrasp]) -> list[JawGrasp]:
+        """Return the outermost grasps of both ends that are far from the centre of mass."""
+        outermost: dict[tuple[Any, ...], tuple[float, JawGrasp]] = {}
+        for grasp in candidates:
+            away = np.subtract(grasp.tip_m, self._centre_m)[:2]
+            distance_m = float(np.abs(away).max())
+            end = int(np.argmax(np.abs(away))), bool(away.max() > -away.min())
+            key = str(grasp.entry["closing_axis"]), *end
+            known = outermost.get(key)
+            if distance_m > _END_M and (
+                known is None or (-distance_m, grasp.cost) < (-known[0], known[1].cost)
+            ):
+                outermost[key] = distance_m, grasp
+        return [grasp for _, grasp in outermost.values()]
+
+    def find_inner_grasps(
+        self, hand: Hand, approaches: Sequence[tuple[float, float, float]]
+    ) -> list[JawGrasp]:
+        """Return grasps of jaws that open in a hole, at most one of each side and direction."""
         best: dict[str, JawGrasp] = {}
-        height_m = float(np.ptp(self._local[:, 2]))
-        most_m = height_m - min(_ABOVE_M, _ABOVE_SHARE * height_m)
-        depths_m = [depth_m for depth_m in _INNER_DEPTHS_M if depth_m <= most_m]
-        for closing in self._list_closings((0.0, 0.0, -1.0)):
-            field = self._trace(np.array([0.0, 0.0, -1.0]), closing)
-            centre = field.frame @ self._centre_m
-            for depth_m in depths_m:
-                for column in field.list_columns(float(centre[0])):
-                    for patch in field.find_holes(column, field.top_m - depth_m, hand):
-                        grasp = self._hold_inside(hand, field, patch, depth_m)
-                        axis = str(closing)
-                        if grasp is not None and (
-                            axis not in best or grasp.cost < best[axis].cost - _ALMOST
-                        ):
-                            best[axis] = grasp
-        return sorted(best.values(), key=lambda grasp: grasp.cost)[:_MOST_INNER]
+        for approach in approaches:
+            height_m = float(np.ptp(self._local @ approach))
+            most_m = height_m - min(_ABOVE_M, _ABOVE_SHARE * height_m)
+            depths_m = [depth_m for depth_m in _INNER_DEPTHS_M if depth_m <= most_m]
+            for closing in self._list_closings(approach):
+                field = self._trace(np.array(approach), closing)
+                centre = field.frame @ self._centre_m
+                for depth_m in depths_m:
+                    for column in field.list_columns(float(centre[0])):
+                        for patch in field.find_holes(column, field.top_m - depth_m, hand):
+                            grasp = self._hold_inside(hand, field, patch, depth_m)
+                            side = f"{approach} {closing}"
+                            if grasp is not None and (
+                                side not in best or grasp.cost < best[side].cost - _ALMOST
+                            ):
+                                best[side] = grasp
+        return sorted(best.values(), key=lambda grasp: grasp.cost)[: _MOST_INNER * len(approaches)]
 
     def _hold_inside(
         self, hand: Hand, field: _Field, patch: _Patch, depth_m: float
     ) -> JawGrasp | None:
         """Return the grasp of jaws that press on a patch from inside; None if it slips."""
-        centre = field.frame @ self._centre_m
+        centre, approach = field.frame @ self._centre_m, -field.frame[1]
         away, across = patch.centre_m - centre, patch.across_m
-        if not self._holds(hand, patch, abs(float(away[0])), abs(float(away[2]))):
+        # Gravity pulls along `out` of a hand from above, else across it.
+        twist_m, tilt_m = (away[0], away[2]) if approach[2] < -0.5 else (away[1], 0.0)
+        if not self._holds(hand, patch, abs(float(twist_m)), abs(float(tilt_m))):
             return None
         if abs(away[0]) <= field.cell_m[0] / 2 + _ALMOST:
             across = float(centre[0])
         point = across * field.frame[0] + patch.middle_m * field.frame[2]
         point = point + (field.top_m - depth_m) * field.frame[1]
-        entry = _format(-field.frame[1], field.frame[2], point, patch.width_m, depth_m)
+        entry = _format(approach, field.frame[2], point, patch.width_m, depth_m)
         # The task's own shapes give the width, between which the jaws are centred.
         del entry["width_m"]
         tip_m = (float(point[0]), float(point[1]), float(point[2]))

@@ -73,10 +73,13 @@ _LONGEST = 64
 # Sizes of nuts that a task has, and how far a thread may be from its size [-].
 _SIZES = ("M2", "M2.5", "M3", "M4", "M5", "M6", "M8", "M10", "M12")
 _NEAR_SIZE = 0.04
-# Widths of sockets are rounded to tenths of a millimetre.
-_WIDTH_DECIMALS = 4
+# Widths of sockets are rounded to tenths of a millimetre. A nut is a hexagon if one through its
+# corners is at most wider than its flats by this factor.
+_WIDTH_DECIMALS, _HEXAGON = 4, 1.05
 # Lengths of the bits of screwdrivers and sockets; with the first, both are as long as a hand [m].
 _BITS_M, _SOCKETS_M = (0.04, 0.10, 0.16), (0.05, 0.11, 0.17)
+# Depth of a socket about a thin nut, as a share of the nut's height.
+_SOCKET_DEPTH = 0.8
 # Width and length of the spindle of a socket [m].
 _SPINDLE_M = (0.03, 0.062)
 
@@ -371,13 +374,17 @@ _HOLDER_OF: Mapping[str, Place] = dict(
 )
 
 
-def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def build_tool_entries(
+    robot: str, entries: Sequence[Mapping[str, Any]], firm: Collection[str] = ()
+) -> dict[str, Any]:
     """Return the tools that parts and screws use, with the grip force of the heaviest part.
 
     Parameters
     ----------
     entries
         Entries of parts and screws.
+    firm
+        Grippers that press with all their force.
     """
     hand = ARMS[robot][1]
     tools: dict[str, Any] = {}
@@ -387,7 +394,7 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
             continue
         if name in GRIPPERS:
             most_n = equip_hand(hand, name)[0].force_n
-            force_n = _compute_grip_n(max(masses_kg), most_n)
+            force_n = most_n if name in firm else _compute_grip_n(max(masses_kg), most_n)
             tools[name] = {"model": name, "holder_m": list(holder), "force_n": force_n}
             continue
         drives = name.endswith((DRIVER, *SOCKETS))
@@ -396,26 +403,30 @@ def build_tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict
         if kind == "gripper":
             tools[name]["opening_m"] = hand.opening_m
             least_n = _LEAST_TIPS_N if name == TIPS else _LEAST_GRIP_N
-            tools[name]["force_n"] = _compute_grip_n(max(masses_kg), hand.force_n, least_n)
+            force_n = _compute_grip_n(max(masses_kg), hand.force_n, least_n)
+            tools[name]["force_n"] = hand.force_n if name in firm else force_n
         if name == TIPS:
             tools[name]["jaw_profile_m"] = [list(row) for row in TIPS_PROFILE_M]
             tools[name]["clearance_m"] = TIPS_CLEARANCE_M
         if name in CUPS_M and name != CUP:
             tools[name]["cup_diameter_m"] = CUPS_M[name]
         if drives:
-            driven = next(entry for entry in entries if entry.get("tool") == name)
+            driven = [entry for entry in entries if entry.get("tool") == name]
             tools[name] |= _build_driver(name, driven, hand)
     return tools
 
 
-def _build_driver(name: str, driven: Mapping[str, Any], hand: Hand) -> dict[str, Any]:
-    """Return the keys of a screwdriver or socket and its bit for a screw that it drives."""
+def _build_driver(name: str, driven: Sequence[Mapping[str, Any]], hand: Hand) -> dict[str, Any]:
+    """Return the keys of a screwdriver or socket and its bit for the screws that it drives."""
     level = max(level for level, word in enumerate(EXTENSIONS) if name.startswith(word))
     if not name.endswith(DRIVER):
-        flats_m = round(driven["head_diameter_m"] * math.sqrt(3) / 2, 7)
+        flats_m = round(driven[0]["head_diameter_m"] * math.sqrt(3) / 2, 7)
         width_m, height_m = _SPINDLE_M
         body = {"size_m": [width_m, width_m, height_m]}
-        return {"socket_m": flats_m, "bit_length_m": _SOCKETS_M[level], "body": body}
+        entry = {"socket_m": flats_m, "bit_length_m": _SOCKETS_M[level], "body": body}
+        # The rim of a socket stays above what a thin nut lies on.
+        depth_m = _SOCKET_DEPTH * min(nut["head_height_m"] for nut in driven)
+        return entry if depth_m > flats_m / 3 else {**entry, "socket_depth_m": round(depth_m, 6)}
     if level == 0:
         return {}
     length_m = hand.tip_on_flange.xyz_m[2] + _BITS_M[level] - _BITS_M[0]
@@ -785,12 +796,15 @@ class Socketed:
     thread_m
         Diameter of the thread, as drawn [m].
     flats_m
-        Width across its flats, as drawn [m].
+        Width across its flats, as drawn, or that of a hexagon around a nut of another shape [m].
+    is_hexagon
+        False if it has another shape, for which its socket is made.
     """
 
     bolt: str
     thread_m: float
     flats_m: float
+    is_hexagon: bool
 
     @property
     def thread_entry(self) -> dict[str, Any]:
@@ -811,7 +825,11 @@ def find_socketed(product: Product, relation: Relation, name: str) -> Socketed |
             # The bore of a nut is drawn without its thread, which counts on a rod.
             thread_m = nut.diameter_m if bolt is None else bolt.diameter_m
             part = product.parts[product.index(name)]
-            return Socketed(mate, thread_m, _measure_flats_m(part, nut.axis))
+            flats_m = _measure_flats_m(part, nut.axis)
+            around_m = math.sqrt(3) * float(nut.list_radii_m(part.vertices_m).max())
+            if around_m <= _HEXAGON * flats_m:
+                return Socketed(mate, thread_m, flats_m, is_hexagon=True)
+            return Socketed(mate, thread_m, round(around_m, _WIDTH_DECIMALS), is_hexagon=False)
     return None
 
 
@@ -1194,13 +1212,17 @@ class TaskWriter:
     def _build_document(
         self, parts: Mapping[str, dict[str, Any]], screws: Mapping[str, dict[str, Any]]
     ) -> dict[str, Any]:
+        held = [
+            self.holds.held(part.name) for part in self.gripped if part.name not in self.holds.fixed
+        ]
+        firm = {hold.tool for hold in held if hold.at_end}
         document: dict[str, Any] = {
             "kind": "assembly",
             "name": self._choose_name(),
             "description": f"{self._count_parts()} of {self.product.name}, from CAD.",
             "product_parts": len(self.product),
             "robot": self._build_robot(),
-            "tools": build_tool_entries(self.robot, (*parts.values(), *screws.values())),
+            "tools": build_tool_entries(self.robot, (*parts.values(), *screws.values()), firm),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
             "feeders": self._feeders(),
@@ -1520,6 +1542,8 @@ class TaskWriter:
         nut = find_socketed(self.product, self.relation, part.name)
         if nut is None or nut.bolt not in self.names:
             return {}
+        if not nut.is_hexagon:
+            self._note(part.name, "is no hexagon: its socket is made for its shape")
         diameter_m = round(nut.flats_m * 2 / math.sqrt(3), 7)
         keys = {**nut.thread_entry, "head": "nut", "into": self.names[nut.bolt]}
         return {"head_diameter_m": diameter_m, **keys}
