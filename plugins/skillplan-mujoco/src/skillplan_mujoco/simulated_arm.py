@@ -321,8 +321,9 @@ class SimulatedArm(Arm):
         """Set torques and jaw forces for the next step."""
         # Servos of joints do not yield. A part that has sunk into many pieces is pushed aside.
         is_fine = self.yields and self.settings.control == "osc"
-        count = _FINE_STEPS if is_fine or self.world.has_falling() else 1
-        self.world.divide(count)
+        is_landing = self.world.has_falling()
+        count = _FINE_STEPS if is_fine or is_landing else 1
+        self.world.divide(count, stiff=is_landing)
         self.world.prepare()
         self._move_jaws()
         self._set_torques()

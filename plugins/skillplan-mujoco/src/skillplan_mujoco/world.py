@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Pose, name_shank
 from skillplan_mujoco.cell import Cell
-from skillplan_mujoco.cell_model import FOOT_GROUP, FRICTIONAL
+from skillplan_mujoco.cell_model import FOOT_GROUP, FRICTIONAL, STIFF
 from skillplan_simulation import simulator
 from skillplan_simulation.simulator import (
     CARRIER,
@@ -259,9 +259,16 @@ class World(simulator.World):
         self.advance()
         self.steps += 1
 
-    def divide(self, count: int) -> None:
-        """Divide each step from now on, whose parts `advance` and at last `step` simulate."""
+    def divide(self, count: int, *, stiff: bool = False) -> None:
+        """Divide each step from now on, whose parts `advance` and at last `step` simulate.
+
+        Parameters
+        ----------
+        stiff
+            True if contacts are as stiff as the shorter steps allow.
+        """
         self.model.opt.timestep = STEP_S / count
+        self.model.geom_solref[:, 0] = STIFF[0] / (count if stiff else 1)
 
     def advance(self) -> None:
         """Simulate a prepared part of a step."""
