@@ -15,7 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.collision.surface import Floats, Polyhedron, make_polyhedron, measure_outermost
+from skillplan.collision.surface import (
+    Floats,
+    Polyhedron,
+    cross_rows,
+    make_polyhedron,
+    measure_outermost,
+)
 from skillplan.errors import PluginError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.folder import get_cache_folder
@@ -190,20 +196,21 @@ def _measure_reached(part: Polyhedron, points: Floats) -> Floats:
 def _sample_surface(triangles: Floats, count: int) -> Floats:
     """Return evenly spread points on triangles: corners, and `count` points in between."""
     a, b, c = (triangles[:, i] for i in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    areas = np.linalg.norm(cross_rows(b - a, c - a), axis=1) / 2
     steps = np.cumsum(areas) / max(areas.sum(), 1e-30)
     # Halton sequence in bases 2 and 3: the same points in every run.
-    numbers = np.arange(1, count + 1)
-    which = np.minimum(np.searchsorted(steps, (numbers - 0.5) / count), len(triangles) - 1)
-    u, v = _draw_halton(numbers, 2), _draw_halton(numbers, 3)
+    shares = (np.arange(count) + 0.5) / count
+    which = np.minimum(np.searchsorted(steps, shares), len(triangles) - 1)
+    u, v = _draw_halton(count, 2), _draw_halton(count, 3)
     over = u + v > 1
     u, v = np.where(over, 1 - u, u)[:, None], np.where(over, 1 - v, v)[:, None]
     inner = a[which] + u * (b - a)[which] + v * (c - a)[which]
     return np.concatenate([triangles.reshape(-1, 3)[:count], inner])
 
 
-def _draw_halton(numbers: Any, base: int) -> Floats:
-    values, share, rest = np.zeros(len(numbers)), 1.0, numbers.copy()
+@lru_cache(maxsize=64)
+def _draw_halton(count: int, base: int) -> Floats:
+    values, share, rest = np.zeros(count), 1.0, np.arange(1, count + 1)
     while rest.any():
         share /= base
         values += share * (rest % base)

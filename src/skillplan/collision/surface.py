@@ -35,6 +35,12 @@ _BOX_FACES = np.array(
 )  # fmt: skip
 
 
+def cross_rows(first: Floats, second: Floats) -> Floats:
+    """Return the cross product of each row with that of another array; faster than numpy's."""
+    (a, b, c), (x, y, z) = first.T, second.T
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
+
+
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
     """A closed surface of triangles.
@@ -63,7 +69,7 @@ class Polyhedron:
     def normals(self) -> Floats:
         """Outward unit normals of the faces, shape (faces, 3); zero for faces without area."""
         a, b, c = (self.triangles[:, i] for i in range(3))
-        normals = np.cross(b - a, c - a)
+        normals = cross_rows(b - a, c - a)
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
 
@@ -296,7 +302,7 @@ class _Faces:
         self._triangles, self._middle = triangles, middle
         corners = triangles - middle
         a, b, c = (corners[:, i] for i in range(3))
-        normal = np.cross(b - a, c - a)
+        normal = cross_rows(b - a, c - a)
         area = np.einsum("ij,ij->i", normal, normal)
         self._corners = (a, b, c)
         self._squares = tuple(np.einsum("ij,ij->i", corner, corner) for corner in (a, b, c))
@@ -439,7 +445,7 @@ class _Side:
     """Constants of one side of all triangles."""
 
     def __init__(self, begin: Floats, way: Floats, normal: Floats) -> None:
-        inwards = np.cross(normal, way)
+        inwards = cross_rows(normal, way)
         self.way, self.inwards = way.T, inwards.T
         self.begin = np.einsum("ij,ij->i", begin, way)
         self.inner = np.einsum("ij,ij->i", begin, inwards)
@@ -529,7 +535,7 @@ def find_spans(
     """
     begin, along = np.array(start), np.array(direction)
     first, second, third = (surface.triangles[:, corner] for corner in range(3))
-    normals = np.cross(second - first, third - first)
+    normals = cross_rows(second - first, third - first)
     steep = normals @ along
     faces = np.flatnonzero(np.abs(steep) > 1e-9 * np.linalg.norm(normals, axis=1))
     normals, steep = normals[faces], steep[faces]
@@ -537,7 +543,7 @@ def find_spans(
     points = begin + distances[:, None] * along
     inside = np.ones(len(faces), dtype=bool)
     for corner, following in ((first, second), (second, third), (third, first)):
-        turn = np.cross(following[faces] - corner[faces], points - corner[faces])
+        turn = cross_rows(following[faces] - corner[faces], points - corner[faces])
         inside &= np.einsum("ij,ij->i", turn, normals) >= -1e-12 * np.abs(steep)
     spans: list[tuple[float, float]] = []
     depth, entered, last = 0, 0.0, (math.nan, False)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from skillplan.collision.surface import cross_rows
 from skillplan.errors import SkillplanError
 from skillplan.files.regular_file import CompanionFileError, find_companion, read_companion
 from skillplan.plugins.installed import list_mesh_readers
@@ -156,7 +157,7 @@ def _measure_outward_m3(corners: Floats, faces: Indices, *, is_connected: bool) 
         # An edge is not one between two faces that run along it in opposite ways.
         return None
     a, b, c = (corners[faces[:, corner]] for corner in range(3))
-    volumes_m3 = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    volumes_m3 = np.einsum("ij,ij->i", a, cross_rows(b, c)) / 6
     if is_connected:
         volumes_m3 = volumes_m3.sum(keepdims=True)
     else:
@@ -274,7 +275,7 @@ def _orient_outward(
 
 def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
     a, b, c = (corners[faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = cross_rows(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
     edges_m = np.linalg.norm(np.stack([b - a, c - b, a - c]), axis=2).max(axis=0)
     flatness_m = max(_FLATNESS * longest_m, _ROUNDED_M)
