@@ -470,7 +470,8 @@ class _Merger:
         """Return places for the starts of the group's parts; None if the table has none left."""
         document, upright = self._whole.document, self._whole.upright
         items, places = [], {}
-        sizes = {part.name: upright.size(part) for part in self._joined.product}
+        parts = (*self._product, *self._joined.product)
+        sizes = {part.name: upright.size(part) for part in parts}
         for name, key in self._whole.names.items():
             entry = document["parts"].get(key) or document["screws"][key]
             feeder = entry.get("feeder")
