@@ -208,6 +208,23 @@ def test_no_table_bears_what_stands_beside_the_base_of_a_turned_product():
     assert "bar" in bearing.held
 
 
+def test_a_part_that_would_shut_out_a_screw_after_a_turn_waits_for_it():
+    """A bracket goes in from the side, beneath a screw that is driven from below."""
+    plate, block = box(-20, -20, 0, 80, 80, 6), box(10, 10, 6, 50, 50, 16)
+    screws = {}
+    for number, at in enumerate(((15, 15), (45, 45)), 1):
+        plate -= rod(*at, -1, 2.2, 8)
+        block -= rod(*at, 5, 2, 5)
+        screws[f"screw_{number}"] = turned_screw(*at, 0)
+    bracket = box(-25, 10, -8, -20, 20, 6) + box(-25, 10, -8, 20, 20, -3.1)
+    product = product_of(plate=plate, block=block, bracket=bracket, **screws)
+    known = related(product)
+    alone = find_bearing(product, known, UP, holding=True)
+    bearing = add_turns(product, known, alone, early=alone.order)
+    assert (bearing.why_not, bearing.undriven) == ({}, {})
+    assert bearing.turned.keys() == {"bracket", *screws}
+
+
 def test_a_turn_holds_what_no_screw_joins_to_the_base():
     lid = {"lid": box(0, 0, 30, 60, 60, 34)}
     for held, screws in ((("body", "lid"), {}), (("body",), {"top_screw": 30})):

@@ -117,6 +117,7 @@ class _OrderSearch:
         self._kept = kept
         self._hypothetical = HypotheticalStates(task)
         self._chains = {name: self._hypothetical.chain(name) for name in task.operations}
+        self._turns = self._list_turns()
         listed = [name for name in preferred if name in task.operations]
         self._alive = [*listed, *(name for name in task.operations if name not in listed)]
         self._needs = {
@@ -134,6 +135,8 @@ class _OrderSearch:
         try:
             order = self._place_all()
             if self._kept and not {*self._kept} & {*self._alive} - {*order}:
+                if len(order) < len(self._alive):
+                    order = self._take_after_kept(order)
                 order, conflicts = self._follow(order)
                 return Order(tuple(order), self._list_skills(order), conflicts)
             while len(order) < len(self._alive):
@@ -222,15 +225,32 @@ class _OrderSearch:
         is_by_hand = f"{name} runs " not in verdict.reason
         return Conflict(words, by or tuple(sorted(others)), name, is_by_hand)
 
-    def _take_apart(self, parts: Iterable[str]) -> tuple[list[str], dict[str, Verdict]]:
-        """Return parts that can be the last ones, in order, and why none of the rest can be."""
+    def _take_after_kept(self, order: list[str]) -> list[str]:
+        """Return an order in which all others come after the kept parts, or else the given one."""
+        others = [name for name in self._alive if name not in self._kept]
+        taken, _ = self._take_apart(others, self._kept)
+        if len(taken) < len(others):
+            return order
+        self._longest[:] = [*(name for name in order if name in self._kept), *reversed(taken)]
+        return self._longest
+
+    def _take_apart(
+        self, parts: Iterable[str], firm: Collection[str] = ()
+    ) -> tuple[list[str], dict[str, Verdict]]:
+        """Return parts that can be the last ones, in order, and why none of the rest can be.
+
+        Parameters
+        ----------
+        firm
+            Further parts, which are in place.
+        """
         there, taken = dict.fromkeys(parts), list[str]()
         failed: dict[str, Verdict] = {}
         while there:
             failed.clear()
             needed = {other for name in there for other in self._before[name]}
             for name in reversed([name for name in there if name not in needed]):
-                verdict = self._find_failure(name, there.keys() - {name})
+                verdict = self._find_failure(name, {*firm, *there} - {name})
                 if verdict is None:
                     del there[name]
                     taken.append(name)
@@ -245,7 +265,10 @@ class _OrderSearch:
         for skill in self._chains[name]:
             if self._must_stop() or self._feasibility.checks > self._most:
                 raise _Spent
-            verdict = self._feasibility.verdict(skill, self._hypothetical.before(skill, done))
+            state = self._hypothetical.before(skill, done)
+            for fact in self._turns[name]:
+                state, _ = self._hypothetical.reach(state, fact)
+            verdict = self._feasibility.verdict(skill, state)
             if not verdict.is_feasible:
                 return verdict
         return None
@@ -329,19 +352,24 @@ class _OrderSearch:
         is_by_hand = f"{name} runs " not in verdict.reason
         return chosen, Conflict(words, tuple(blamed[chosen]), name, is_by_hand)
 
-    def _list_skills(self, order: Iterable[str]) -> tuple[Skill, ...]:
-        """Return the skills that bring the parts in an order, changes of tools included."""
-        state, skills = self._task.initial, list[Skill]()
+    def _list_turns(self) -> dict[str, list[str]]:
+        """Return the facts of the turns before each part: a turn needs a free hand."""
         turned = {
             fact
             for skill in self._task.skills
             if skill.kind == "turn"
             for fact in skill.prediction.add
         } - self._hypothetical.stands
+        return {
+            name: sorted(turned & {f for skill in chain for f in skill.precondition.requires})
+            for name, chain in self._chains.items()
+        }
+
+    def _list_skills(self, order: Iterable[str]) -> tuple[Skill, ...]:
+        """Return the skills that bring the parts in an order, changes of tools included."""
+        state, skills = self._task.initial, list[Skill]()
         for name in order:
-            # A turn needs a free hand, so it comes before the pick.
-            needed = {fact for skill in self._chains[name] for fact in skill.precondition.requires}
-            for fact in sorted(turned & needed):
+            for fact in self._turns[name]:
                 state, more = self._hypothetical.reach(state, fact)
                 skills += more
             state, more = self._hypothetical.bring(state, name)

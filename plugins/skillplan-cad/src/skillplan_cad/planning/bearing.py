@@ -273,6 +273,23 @@ def can_come_down(relation: Relation, name: str, before: int, up: Vector) -> boo
     )
 
 
+def list_blockers(relation: Relation, name: str, up: Vector) -> list[int]:
+    """Return the blockers of a part in each direction that is not downwards, as bits.
+
+    A screw that is driven leaves along its axis alone.
+    """
+    is_driven, fastener = name in relation.driven, relation.fastener(name)
+    along, steepest = up, -_SIDEWAYS
+    if is_driven and fastener is not None:
+        along, steepest = fastener.axis, _ALONG
+    blockers = [
+        blockers
+        for direction, blockers in relation.blocker_sets[relation.index(name)]
+        if float(np.dot(relation.directions[direction], along)) > steepest
+    ]
+    return blockers or [0] if is_driven else blockers
+
+
 def list_required(relation: Relation, name: str, up: Vector) -> tuple[str, ...]:
     """Return the parts without which a screw or nut cannot be put in.
 
@@ -349,6 +366,7 @@ class _Standing:
                 self._linked[fastener.part].add(join)
                 self._linked[join].add(fastener.part)
         self._firm_bits = encode_set([self._numbers[name] for name in self._firm])
+        self._inner = self._find_inner()
         self._known: dict[tuple[str, int, bool], bool] = {}
         self._earlier: dict[str, int] = {}
         self._blockers: dict[int, list[int]] = {}
@@ -362,11 +380,25 @@ class _Standing:
 
     def best(self) -> Bearing:
         """Return the largest set of parts that one arm places."""
-        present = set(self._parts)
         undriven = self._find_undriven()
         if self._firm:
             near = {name for name in self._parts if self._touched[name] or name in self._firm}
-            return self._order(self._support(near, -np.inf, undriven), -np.inf, undriven)
+            ground = -np.inf
+            best = self._order(self._support(near, ground, undriven), ground, undriven)
+        else:
+            best = self._find_standing(undriven)
+            ground = self._find_ground(self._parts, undriven)
+        if any(reason.kind in ("closed in", "from below") for reason in best.why_not.values()):
+            placed, closed_in = self._build_up(ground)
+            bearing = self._order(placed, ground, undriven | closed_in)
+            fewer = len(bearing.order) <= len(best.order)
+            if not fewer and bearing.undriven.keys() <= best.undriven.keys():
+                best = bearing
+        return best
+
+    def _find_standing(self, undriven: Mapping[str, LeftOut]) -> Bearing:
+        """Return the largest set of parts of which each has a support."""
+        present = set(self._parts)
         best = self._order([], 0.0, undriven)
         while present and len(present) > len(best.order):
             ground = min(self._lowest[name] for name in present)
@@ -386,13 +418,6 @@ class _Standing:
             bearing = self._order(borne, ground, undriven)
             if len(bearing.order) > len(best.order) - bool(self._turning):
                 best = bearing
-        if any(reason.kind in ("closed in", "from below") for reason in best.why_not.values()):
-            ground = self._find_ground(self._parts, undriven)
-            placed, closed_in = self._build_up(ground)
-            bearing = self._order(placed, ground, undriven | closed_in)
-            fewer = len(bearing.order) <= len(best.order)
-            if not fewer and bearing.undriven.keys() <= best.undriven.keys():
-                best = bearing
         return best
 
     def _build_up(self, ground: float) -> tuple[list[str], dict[str, LeftOut]]:
@@ -402,7 +427,8 @@ class _Standing:
         late.
         """
         self._held = set(self._turning)
-        placed, there, waiting = list[str](), 0, {self._numbers[name] for name in self._parts}
+        placed, there = [name for name in self._parts if name in self._firm], self._firm_bits
+        waiting = {self._numbers[name] for name in self._parts.keys() - self._firm}
         while (number := self._choose_next(waiting, there, ground)) is not None:
             name = self._relation.names[number]
             if not self._stays(name, there, ground):
@@ -415,6 +441,21 @@ class _Standing:
             for name in self._parts
             if self._numbers[name] in waiting
             and all(way & there for way in self._list_blockers(self._numbers[name], name))
+        }
+
+    def _find_inner(self) -> dict[str, set[int]]:
+        """Return the numbers of the parts in the box about each part, which a hand brings first."""
+        boxes = {
+            name: (part.vertices_m.min(axis=0) - _TOUCH_M, part.vertices_m.max(axis=0) + _TOUCH_M)
+            for name, part in self._parts.items()
+        }
+        return {
+            name: {
+                self._numbers[other]
+                for other, (lower, upper) in boxes.items()
+                if other != name and (lower >= low).all() and (upper <= high).all()
+            }
+            for name, (low, high) in boxes.items()
         }
 
     def _choose_next(self, waiting: Collection[int], there: int, ground: float) -> int | None:
@@ -435,10 +476,11 @@ class _Standing:
                 if other in lost:
                     lost[other] += len(self._linked[name])
 
-        def rate(number: int) -> tuple[int, bool, bool, int]:
+        def rate(number: int) -> tuple[int, bool, bool, bool, int]:
             name = self._relation.names[number]
             is_apart = bool(there) and not there & self._touched[name]
-            return lost[number], is_apart, not self._stays(name, there, ground), number
+            is_around = not self._inner[name].isdisjoint(waiting)
+            return lost[number], is_apart, not self._stays(name, there, ground), is_around, number
 
         return min(able, key=rate, default=None)
 
@@ -745,15 +787,7 @@ class _Standing:
     def _list_blockers(self, number: int, name: str) -> list[int]:
         """Return the blockers of a part in each direction that is not downwards."""
         if number not in self._blockers:
-            is_driven = name in self._driven
-            along = np.asarray(self._get_axis(name)) if is_driven else self._vector
-            steepest = _ALONG if is_driven else -_SIDEWAYS
-            blockers = [
-                blockers
-                for direction, blockers in self._relation.blocker_sets[number]
-                if float(np.dot(self._relation.directions[direction], along)) > steepest
-            ]
-            self._blockers[number] = blockers or [0] if is_driven else blockers
+            self._blockers[number] = list_blockers(self._relation, name, self._up)
         return self._blockers[number]
 
     def _choose_withdrawn(self, left: int, ground: float) -> str:

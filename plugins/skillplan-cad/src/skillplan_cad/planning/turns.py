@@ -16,9 +16,10 @@ from skillplan_cad.planning.bearing import (
     can_come_down,
     find_bearing,
     hold_mates,
+    list_blockers,
     list_required,
 )
-from skillplan_cad.planning.precedence import encode_set
+from skillplan_cad.planning.precedence import encode_set, list_members
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
 
@@ -64,9 +65,15 @@ def add_turns(
         start = _begin(product, relation, bearing.up, gone, chosen, reasons)
         return _add_turns(product, relation, start, absent, chosen)
 
-    best = turn(deferred := set(later or {}))
+    best = last = turn(deferred := set(later or {}))
     if len(best.ups) == 1:
         return bearing
+    waiting = set(deferred)
+    while shutting := _list_shutting(relation, last, absent, chosen):
+        waiting |= shutting
+        last = turn(waiting)
+        if len(list_placed(relation, last, absent)) > len(list_placed(relation, best, absent)):
+            best, deferred, early = last, set(waiting), ()
     spared = [name for name in _list_spared(relation, best, chosen) if name not in early]
     for name in spared[:_MOST_TRIED]:
         other = turn({*deferred, name})
@@ -104,6 +111,27 @@ def _begin(
         {name: why for name, why in left.items() if name in relation.driven},
         (base, *start.held),
     )
+
+
+def _list_shutting(
+    relation: Relation, bearing: Bearing, absent: Collection[str], base: str
+) -> set[str]:
+    """Return parts of the first orientation that shut out further parts after the last turn.
+
+    These further parts have the fewest of them in their way.
+    """
+    movable = {*bearing.order} - {*bearing.turned, base}
+    first = encode_set([relation.index(name) for name in movable])
+    placed = list_placed(relation, bearing, absent)
+    missing = [name for name in relation.names if name not in placed and name not in absent]
+    ways = [
+        blockers & first
+        for name in missing
+        for blockers in list_blockers(relation, name, bearing.ups[-1])
+        if blockers & first and not blockers >> relation.index(base) & 1
+    ]
+    fewest = min(ways, key=lambda way: (way.bit_count(), way), default=0)
+    return {relation.names[number] for number in list_members(fewest)}
 
 
 def _list_spared(relation: Relation, bearing: Bearing, base: str | None) -> list[str]:

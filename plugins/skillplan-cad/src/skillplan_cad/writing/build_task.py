@@ -43,6 +43,8 @@ _MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
 _STOPPED_SHARES = 0.97, 1.05
 # Reasons of parts that may be brought in another orientation.
 _RETRIED = ("no grasp", "unreachable", "no order")
+# Words of a place that the arm does not reach.
+_FAR = ", which reaches "
 # Cosine of two directions that are one.
 _ALONG = 0.999
 
@@ -158,7 +160,7 @@ def build_task(
     def turn(task: WrittenTask) -> WrittenTask:
         if not (turning and holding) or watch.must_stop():
             return task
-        return _turn_product(product, relation, plan, task, absent, build, watch)
+        return _turn_product(product, relation, plan, task, absent, build, watch, longer)
 
     best = turn(best)
     far = [name for name, reason in best.left_out.items() if reason.kind == "unreachable"]
@@ -185,12 +187,15 @@ def _turn_product(
     absent: Collection[str],
     build: Callable[[Bearing, str, WrittenTask, Collection[str]], WrittenTask],
     watch: Watch,
+    longer: str | None,
 ) -> WrittenTask:
     """Return a task that turns the product if it has more of the parts, or else the given one.
 
     First, the parts of the given task keep their orientation. Then parts that would need fewer
-    supports after a turn wait for it, if that leaves out no part.
+    supports after a turn wait for it, if that leaves out no part. The station takes room: another
+    arm is tried if parts are out of reach of the first.
     """
+    robot = task.document["robot"]["model"] if task.document else None
     later = _list_retried(task)
     gone = {*absent, *later}
     bearing = find_bearing(product, relation, task.bearing.up, gone, holding=True)
@@ -204,9 +209,15 @@ def _turn_product(
     for early in (task.names.keys(), set[str]()):
         turned = add_turns(product, relation, bearing, absent, plan.base, later, early)
         is_worth = improves(list_placed(relation, turned, absent), turned.held)
-        if not (is_worth and turned.turned and task.document) or watch.must_stop():
+        if not (is_worth and turned.turned and robot) or watch.must_stop():
             break
-        further = build(turned, task.document["robot"]["model"], task, early)
+        further = build(turned, robot, task, early)
+        lacks = further.left_out.keys() - absent
+        is_far = any(_FAR in further.left_out[name].text for name in lacks)
+        if best is task and longer not in (None, robot) and is_far and not watch.must_stop():
+            other = build(turned, longer, further, early)
+            if _is_better(product, other, further):
+                further, robot = other, longer
         is_ordered = bool(further.skills) or not best.skills
         is_better = is_ordered and improves(further.names.keys(), further.bearing.held)
         if further.doubt.startswith("turn(") or not is_better:
