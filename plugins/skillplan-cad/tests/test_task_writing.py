@@ -424,8 +424,11 @@ def test_the_lightest_gripper_of_the_catalogue_holds_what_no_hand_and_no_cup_doe
     assert holds[0].tool == gripper
     grasp = holds[0].entry["grasp"][0]
     assert (grasp["closing_axis"], grasp["width_m"]) == closing
-    (entry,) = cad.build_tool_entries("ur30", [{**holds[0].entry, "mass_kg": 1.0}]).values()
-    assert (entry["model"], entry["force_n"]) == (gripper, 33)
+    tools = cad.build_tool_entries("ur30", [holds[0].entry], {gripper: holds[0].grip_n})
+    (entry,) = tools.values()
+    by_weight_n = part.mass_kg * 9.81 / (2 * 0.6)
+    assert entry["model"] == gripper
+    assert by_weight_n < entry["force_n"] / 4 < 2 * by_weight_n
 
 
 def test_a_bush_on_its_side_is_held_from_inside_and_a_rod_at_its_ends():
@@ -445,9 +448,8 @@ def test_a_bush_on_its_side_is_held_from_inside_and_a_rod_at_its_ends():
     assert ends.at_end
     assert sorted(np.sign(g["at_m"][0]) for g in ends.grasps) == [-1.0, 1.0]
     assert min(abs(g["at_m"][0]) for g in ends.grasps) > 0.06
-    entry = {**ends.entry, "mass_kg": shaft.mass_kg}
-    tools = cad.build_tool_entries("ur10e", [entry], firm={ends.tool})
-    assert tools[ends.tool]["force_n"] == HAND.force_n
+    tools = cad.build_tool_entries("ur10e", [ends.entry], {ends.tool: ends.grip_n})
+    assert 10 * shaft.mass_kg * 9.81 < tools[ends.tool]["force_n"] <= HAND.force_n
 
 
 @pytest.mark.slow

@@ -153,19 +153,25 @@ class StraightMotion:
         *,
         speed_m_per_s: float,
         acceleration_m_per_s2: float,
+        joints_rad_per_s: Sequence[float],
     ) -> StraightMotion:
         """Return the fastest move within limits of speed and acceleration.
+
+        Near a singular posture the joints limit the speed of the tip.
 
         Parameters
         ----------
         speed_m_per_s, acceleration_m_per_s2
             Limits of the tip [m/s], [m/s2], > 0.
+        joints_rad_per_s
+            Speed limits of the joints [rad/s], > 0, shape (joints,).
         """
         distance_m = length(end - start.position)
         duration_s = max(
             PEAK_SPEED * distance_m / speed_m_per_s,
             math.sqrt(_PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
             1e-3,
+            0.0 if path is None else _bound_duration_s(path, joints_rad_per_s),
         )
         return cls(start, end, path, Profile(duration_s))
 
@@ -206,9 +212,17 @@ class StraightMotion:
             )
 
 
+def _bound_duration_s(path: PosturePath, speed_rad_per_s: Sequence[float]) -> float:
+    """Return the least duration in which joints follow a path within their speeds [s]."""
+    course = [Profile(1.0).at(number / _SAMPLES) for number in range(_SAMPLES + 1)]
+    _, slopes, _ = path.at_each([share for share, _, _ in course])
+    rates = np.array([[rate] for _, rate, _ in course])
+    return float((np.abs(rates * slopes) / speed_rad_per_s).max())
+
+
 # Minimum number of pieces of a path, and number of pieces between two nodes.
 _PIECES, _PIECES_PER_NODE = 32, 4
-# Number of samples for accelerations of the tip.
+# Number of samples for speeds and accelerations.
 _SAMPLES = 100
 # Points of a held part along the axes of the hand, from the tip [m].
 _HELD_M = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])

@@ -31,8 +31,6 @@ STEP_S = 1 / STEPS_PER_S
 GRAVITY_M_PER_S2 = 9.81
 # Speed of jaws [m/s].
 JAW_SPEED_M_PER_S = 0.05
-# Load whose inertia the drives have to know [kg]; arms of the field are given it, too.
-_HEAVY_KG = 1.0
 # Force that holds jaws open [N].
 _OPENING_FORCE_N = 40.0
 # Names with a space, which no part of a task can have.
@@ -368,9 +366,10 @@ class Arm(Protocol):
         self._jaw_target_m += max(-step_m, min(step_m, left_m))
 
     def _compute_load_mass(self, world: World, jacobian: Vector) -> Vector:
-        """Return the share of a heavy load in the mass matrix [kg m2], shape (joints, joints).
+        """Return the share of the load in the mass matrix [kg m2], shape (joints, joints).
 
-        Without it, the drives would swing a wrist with a load as if the wrist were alone.
+        Drives of the field are told it, too: without it they swing a wrist as if it were alone, and
+        the hand tilts by tenths of a degree with a light, long part.
 
         Parameters
         ----------
@@ -379,8 +378,6 @@ class Arm(Protocol):
         """
         count = jacobian.shape[1]
         mass = np.zeros((count, count))
-        if self.payload_kg < _HEAVY_KG:
-            return mass
         linear, angular = jacobian[:3], jacobian[3:]
         tip = self.tip().position
         for name in self.bears:

@@ -127,6 +127,8 @@ class Held:
         Height above its goal at which it is let go [m]; 0 at its goal.
     at_end
         True if jaws hold it at an end, which has room where its middle has none.
+    grip_n
+        Force of each jaw at which friction just bears the part in all its grasps [N].
     """
 
     tool: str
@@ -134,6 +136,7 @@ class Held:
     raised_m: float = 0.0
     released_m: float = 0.0
     at_end: bool = False
+    grip_n: float = 0.0
 
     def compute_load_kg(self, part: Part, hand: Hand) -> float:
         """Return the mass of a part with the tool that holds it [kg]."""
@@ -290,7 +293,8 @@ def list_holds(
 
 
 def _hold(tool: str, grasps: Sequence[JawGrasp], raised_m: float = 0.0) -> Held:
-    return Held(tool, tuple(grasp.entry for grasp in grasps), raised_m)
+    grip_n = max(grasp.grip_n for grasp in grasps)
+    return Held(tool, tuple(grasp.entry for grasp in grasps), raised_m, grip_n=grip_n)
 
 
 def _hold_by_cup(finder: GraspFinder, cup: str) -> Iterator[Held]:

@@ -29,7 +29,6 @@ from skillplan_cad.planning.bearing import Bearing, list_required
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.planning.stability import is_over
 from skillplan_cad.product import (
-    GRAVITY_M_PER_S2,
     Part,
     Points,
     Product,
@@ -323,8 +322,8 @@ _LEVEL_FEET_M = 1e-4
 # Meshes of a part: vertices [m] and triangles of each.
 Meshes = tuple[tuple[Points, Triangles], ...]
 
-# Friction between jaws and parts as in the engines. The margin covers off-centre grasps.
-_FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
+# Margin on the force of jaws, and their least force [N].
+_GRIP_MARGIN, _LEAST_GRIP_N = 4.0, 5.0
 # Least force of finger tips [N]: parts of milligrams turn between jaws that press harder.
 _LEAST_TIPS_N = 1.0
 _LEAST_SAFE_M = 0.15
@@ -375,26 +374,24 @@ _HOLDER_OF: Mapping[str, Place] = dict(
 
 
 def build_tool_entries(
-    robot: str, entries: Sequence[Mapping[str, Any]], firm: Collection[str] = ()
+    robot: str, entries: Sequence[Mapping[str, Any]], grips_n: Mapping[str, float]
 ) -> dict[str, Any]:
-    """Return the tools that parts and screws use, with the grip force of the heaviest part.
+    """Return the tools that parts and screws use, with a grip force that bears the parts.
 
     Parameters
     ----------
     entries
         Entries of parts and screws.
-    firm
-        Grippers that press with all their force.
+    grips_n
+        Force of the jaws of each tool at which friction just bears its parts [N].
     """
     hand = ARMS[robot][1]
     tools: dict[str, Any] = {}
     for name, holder in _HOLDER_OF.items():
-        masses_kg = [entry["mass_kg"] for entry in entries if entry.get("tool") == name]
-        if not masses_kg:
+        if not any(entry.get("tool") == name for entry in entries):
             continue
         if name in GRIPPERS:
-            most_n = equip_hand(hand, name)[0].force_n
-            force_n = most_n if name in firm else _compute_grip_n(max(masses_kg), most_n)
+            force_n = _choose_grip_n(grips_n[name], equip_hand(hand, name)[0].force_n)
             tools[name] = {"model": name, "holder_m": list(holder), "force_n": force_n}
             continue
         drives = name.endswith((DRIVER, *SOCKETS))
@@ -403,8 +400,7 @@ def build_tool_entries(
         if kind == "gripper":
             tools[name]["opening_m"] = hand.opening_m
             least_n = _LEAST_TIPS_N if name == TIPS else _LEAST_GRIP_N
-            force_n = _compute_grip_n(max(masses_kg), hand.force_n, least_n)
-            tools[name]["force_n"] = hand.force_n if name in firm else force_n
+            tools[name]["force_n"] = _choose_grip_n(grips_n[name], hand.force_n, least_n)
         if name == TIPS:
             tools[name]["jaw_profile_m"] = [list(row) for row in TIPS_PROFILE_M]
             tools[name]["clearance_m"] = TIPS_CLEARANCE_M
@@ -433,10 +429,9 @@ def _build_driver(name: str, driven: Sequence[Mapping[str, Any]], hand: Hand) ->
     return {"length_m": round(length_m, 6), "bit_length_m": _BITS_M[level]}
 
 
-def _compute_grip_n(mass_kg: float, most_n: float, least_n: float = _LEAST_GRIP_N) -> float:
-    """Return the force that lifts a mass by friction, in whole newtons, within limits."""
-    needed_n = _GRIP_MARGIN * mass_kg * GRAVITY_M_PER_S2 / (2 * _FRICTION)
-    return float(min(most_n, max(least_n, math.ceil(needed_n))))
+def _choose_grip_n(needed_n: float, most_n: float, least_n: float = _LEAST_GRIP_N) -> float:
+    """Return a force with a margin, in whole newtons, within limits."""
+    return float(min(most_n, max(least_n, math.ceil(_GRIP_MARGIN * needed_n))))
 
 
 _DECIMALS = 7
@@ -1215,14 +1210,16 @@ class TaskWriter:
         held = [
             self.holds.held(part.name) for part in self.gripped if part.name not in self.holds.fixed
         ]
-        firm = {hold.tool for hold in held if hold.at_end}
+        grips_n: dict[str, float] = {}
+        for hold in held:
+            grips_n[hold.tool] = max(hold.grip_n, grips_n.get(hold.tool, 0.0))
         document: dict[str, Any] = {
             "kind": "assembly",
             "name": self._choose_name(),
             "description": f"{self._count_parts()} of {self.product.name}, from CAD.",
             "product_parts": len(self.product),
             "robot": self._build_robot(),
-            "tools": build_tool_entries(self.robot, (*parts.values(), *screws.values()), firm),
+            "tools": build_tool_entries(self.robot, (*parts.values(), *screws.values()), grips_n),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
             "feeders": self._feeders(),

@@ -351,6 +351,7 @@ class ControlledRobot:
                 path,
                 speed_m_per_s=most_m_per_s,
                 acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
+                joints_rad_per_s=self.arm.robot.model.speed_rad_per_s,
             )
         )
 
