@@ -128,7 +128,7 @@ class Held:
     at_end
         True if jaws hold it at an end, which has room where its middle has none.
     grip_n
-        Force of each jaw at which friction just bears the part in all its grasps [N].
+        Force of each jaw at which friction just bears the part in its first grasp [N].
     """
 
     tool: str
@@ -293,8 +293,8 @@ def list_holds(
 
 
 def _hold(tool: str, grasps: Sequence[JawGrasp], raised_m: float = 0.0) -> Held:
-    grip_n = max(grasp.grip_n for grasp in grasps)
-    return Held(tool, tuple(grasp.entry for grasp in grasps), raised_m, grip_n=grip_n)
+    entries = tuple(grasp.entry for grasp in grasps)
+    return Held(tool, entries, raised_m, grip_n=grasps[0].grip_n)
 
 
 def _hold_by_cup(finder: GraspFinder, cup: str) -> Iterator[Held]:

@@ -51,8 +51,6 @@ _INNER_M2 = 1e-6
 _INNER_DEPTHS_M, _INNER_COST_M = (0.003, 0.005, 0.002), 4e-3
 # Least area of each jaw on the part [m2], and share of a hand's friction that may be used.
 _LEAST_M2, _LOAD_SHARE = 4e-7, 0.5
-# Acceleration of a part by the arm; the engines stay below 1.5.
-_SPEEDING_M_PER_S2 = 2.0
 # Height of a hand's axis above the table at which a hand from the side clears it [m].
 _SIDE_MARGIN_M = 4e-3
 _DEPTH_CLASSES_M = (0.005, 0.0125)
@@ -86,7 +84,7 @@ class JawGrasp:
     area_m2
         Area of the jaw with less material on it.
     grip_n
-        Force of each jaw at which friction just bears the part while the arm moves.
+        Force of each jaw at which friction just bears weight and moments of the part.
     """
 
     entry: Entry
@@ -254,10 +252,9 @@ class GraspFinder:
         """Return the grasp of jaws that press on a patch from inside; None if it slips."""
         centre, approach = field.frame @ self._centre_m, -field.frame[1]
         away, across = patch.centre_m - centre, patch.across_m
-        levers_m = _list_levers_m(away, approach)
-        if self._compute_grip_n(patch, *levers_m, 0.0) > _LOAD_SHARE * hand.force_n:
+        grip_n = self._compute_grip_n(patch, away, approach)
+        if grip_n > _LOAD_SHARE * hand.force_n:
             return None
-        grip_n = self._compute_grip_n(patch, *levers_m)
         if abs(away[0]) <= field.cell_m[0] / 2 + _ALMOST:
             across = float(centre[0])
         point = across * field.frame[0] + patch.middle_m * field.frame[2]
@@ -327,8 +324,8 @@ class GraspFinder:
                     if not from_top and point[2] + raised_m < hand.half_width_m + _SIDE_MARGIN_M:
                         continue
                     away = patch.centre_m - centre
-                    levers_m = _list_levers_m(away, approach)
-                    if self._compute_grip_n(patch, *levers_m, 0.0) > _LOAD_SHARE * hand.force_n:
+                    grip_n = self._compute_grip_n(patch, away, approach)
+                    if grip_n > _LOAD_SHARE * hand.force_n:
                         continue
                     cost = abs(away[0]) + abs(away[2]) + 0.3 * abs(away[1])
                     cost += abs(across - patch.centre_m[0])
@@ -338,7 +335,7 @@ class GraspFinder:
                         _format(approach, closing, point, patch.width_m, field.top_m - tip),
                         float(cost),
                         patch.area_m2,
-                        self._compute_grip_n(patch, *levers_m),
+                        grip_n,
                         (float(point[0]), float(point[1]), float(point[2])),
                     )
 
@@ -349,31 +346,23 @@ class GraspFinder:
             self._fields[key] = _Field.trace(self._mesh, self._local, approach, closing)
         return self._fields[key]
 
-    def _compute_grip_n(
-        self,
-        patch: _Patch,
-        twist_m: float,
-        swing_m: float,
-        tilt_m: float,
-        speeding_m_per_s2: float = _SPEEDING_M_PER_S2,
-    ) -> float:
-        """Return the force of each jaw at which friction just bears weight and moments [N].
+    def _compute_grip_n(self, patch: _Patch, away_m: Floats, approach: Floats) -> float:
+        """Return the force of each jaw at which friction just bears a part at rest [N].
 
         Friction of soft patches as in Howe and Cutkosky (1996).
 
         Parameters
         ----------
-        twist_m, tilt_m
-            Arms of the weight about the closing direction, and across it.
-        swing_m
-            Arm about the closing direction of the force by which the part is sped up.
+        away_m
+            Way from the centre of mass to the patches in the frame of the field, shape (3,).
         """
-        share = speeding_m_per_s2 / GRAVITY_M_PER_S2
+        across_m, out_m, along_m = away_m.tolist()
+        # Gravity pulls along `out` of a hand from above, else across it.
+        twist_m, tilt_m = (across_m, along_m) if approach[2] < -0.5 else (out_m, 0.0)
         soft_m = _FRICTION * patch.reach_m
         stiff_m = soft_m + patch.reach_m + _FRICTION * patch.width_m / 2
-        about_m = abs(twist_m) + share * abs(swing_m)
-        loads = (1 / _FRICTION, about_m / soft_m, tilt_m / stiff_m)
-        return self._mass_kg * GRAVITY_M_PER_S2 / 2 * math.hypot(*loads)
+        share = math.hypot(1 / _FRICTION, twist_m / soft_m, tilt_m / stiff_m)
+        return self._mass_kg * GRAVITY_M_PER_S2 / 2 * share
 
 
 @dataclass(frozen=True, slots=True)
@@ -659,19 +648,6 @@ def _classify(grasp: JawGrasp) -> tuple[Any, ...]:
 def _differ(grasp: JawGrasp, other: JawGrasp) -> bool:
     same = all(grasp.entry.get(key) == other.entry.get(key) for key in ("approach", "closing_axis"))
     return not same or float(np.linalg.norm(np.subtract(grasp.tip_m, other.tip_m))) > _APART_M
-
-
-def _list_levers_m(away_m: Floats, approach: Floats) -> tuple[float, float, float]:
-    """Return twist, swing and tilt of `GraspFinder._compute_grip_n` [m].
-
-    Parameters
-    ----------
-    away_m
-        Way from the centre of mass to the patches in the frame of a field.
-    """
-    across_m, out_m, along_m = away_m.tolist()
-    # Gravity pulls along `out` of a hand from above, else across it.
-    return (across_m, out_m, along_m) if approach[2] < -0.5 else (out_m, across_m, 0.0)
 
 
 def _format(
