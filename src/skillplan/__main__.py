@@ -21,7 +21,8 @@ def main() -> None:
     # Importing makes a hundred thousand objects and no garbage.
     gc.set_threshold(200_000, *gc.get_threshold()[1:])
     # Matrices are small: threads that share one mostly wait for each other.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if "OMP_NUM_THREADS" not in os.environ:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from skillplan.cli.writing import open_standard_streams
     from skillplan.workers.supervisor import supervise
 

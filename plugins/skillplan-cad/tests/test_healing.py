@@ -339,6 +339,19 @@ class TestMeshes:
         assert mended.open_edges == 0
         assert "a hole" in mended.notes[-1]
 
+    def test_a_wall_inside_is_no_hole_to_be_filled(self):
+        """Three triangles share each edge of its rim, which is small beside the surface."""
+        mesh = self.block().subdivide().subdivide()
+        vertices, triangles = np.asarray(mesh.vertices) * [1, 1, 100], np.asarray(mesh.faces)
+        middle = vertices.mean(axis=0)
+        rim = np.flatnonzero(np.isclose(vertices[:, 2], middle[2]))
+        rim = rim[np.argsort(np.arctan2(*(vertices[rim, :2] - middle[:2]).T))]
+        wall = [[a, b, len(vertices)] for a, b in zip(rim, np.roll(rim, -1), strict=True)]
+        vertices, triangles = np.vstack([vertices, middle]), np.vstack([triangles, wall])
+        mended = mend(RawPart("block", (), vertices, triangles))
+        assert mended.open_edges == len(wall)
+        assert not any("a hole" in note for note in mended.notes)
+
     def test_a_gap_is_welded_up_to_the_chord_and_a_missing_face_is_not(self):
         mesh = self.block()
         corners = np.asarray(mesh.triangles) * 1e-3

@@ -432,7 +432,7 @@ def test_the_lightest_gripper_of_the_catalogue_holds_what_no_hand_and_no_cup_doe
 
 
 def test_a_bush_on_its_side_is_held_from_inside_and_a_rod_at_its_ends():
-    """Both go level into what leaves jaws no room; jaws press with all force at ends."""
+    """Both go level into what leaves jaws no room; at an end, they press with more force."""
     bush = part_of("bush", (rod(0, 0, -3, 8, 6) - rod(0, 0, -3, 6, 6)).rotate((0, 90, 0)))
     local = bush.vertices_m + np.array([0.0, 0.0, 0.008])
     *_, inside = cad.list_holds(bush, local, np.array([0.0, 0.0, 0.008]), HAND)

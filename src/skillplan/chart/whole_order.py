@@ -228,6 +228,8 @@ class _OrderSearch:
     def _take_after_kept(self, order: list[str]) -> list[str]:
         """Return an order in which all others come after the kept parts, or else the given one."""
         others = [name for name in self._alive if name not in self._kept]
+        if any(not self._before[name].isdisjoint(others) for name in self._kept):
+            return order
         taken, _ = self._take_apart(others, self._kept)
         if len(taken) < len(others):
             return order

@@ -114,7 +114,7 @@ class ToolConfig(Strict):
         "[m]; it turns nuts and hexagon heads, its outer diameter is 'bit_diameter_m', left out: "
         "1.5 times the width; left out: a bit",
     )
-    socket_depth_m: Annotated[float, Field(ge=5e-4, le=0.1)] | None = Field(
+    socket_depth_m: Annotated[float, Field(ge=1e-4, le=0.1)] | None = Field(
         None,
         exclude_if=is_absent,
         description="depth of that socket about a nut or head, less than its height [m]; left out: "

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache, reduce
+from functools import cache, cached_property, lru_cache, reduce
 from heapq import heappop, heappush
 from operator import and_
 
@@ -366,7 +366,6 @@ class _Standing:
                 self._linked[fastener.part].add(join)
                 self._linked[join].add(fastener.part)
         self._firm_bits = encode_set([self._numbers[name] for name in self._firm])
-        self._inner = self._find_inner()
         self._known: dict[tuple[str, int, bool], bool] = {}
         self._earlier: dict[str, int] = {}
         self._blockers: dict[int, list[int]] = {}
@@ -443,12 +442,11 @@ class _Standing:
             and all(way & there for way in self._list_blockers(self._numbers[name], name))
         }
 
-    def _find_inner(self) -> dict[str, set[int]]:
-        """Return the numbers of the parts in the box about each part, which a hand brings first."""
-        boxes = {
-            name: (part.vertices_m.min(axis=0) - _TOUCH_M, part.vertices_m.max(axis=0) + _TOUCH_M)
-            for name, part in self._parts.items()
-        }
+    @cached_property
+    def _inner(self) -> dict[str, set[int]]:
+        """The numbers of the parts in the box about each part, which a hand brings first."""
+        bounds_m = {name: part.bounds_m for name, part in self._parts.items()}
+        boxes = {name: (lo - _TOUCH_M, hi + _TOUCH_M) for name, (lo, hi) in bounds_m.items()}
         return {
             name: {
                 self._numbers[other]

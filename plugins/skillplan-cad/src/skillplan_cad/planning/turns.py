@@ -23,7 +23,7 @@ from skillplan_cad.planning.precedence import encode_set, list_members
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
 
-# Largest number of turns, and of held parts that are tried after a turn.
+# Largest number of turns, and of parts or groups of parts that are tried after a turn.
 _MOST_TURNS, _MOST_TRIED = 3, 8
 
 
@@ -50,7 +50,7 @@ def add_turns(
     later
         Parts and screws that `bearing` lacks because they fail in its orientation, with reasons.
     early
-        Parts that do not wait for a turn to save a support.
+        Parts that do not wait for a turn to save a support, unless they shut out others after it.
     """
     reasons = dict(later or {})
     reasons |= {**bearing.why_not, **bearing.undriven}
@@ -69,10 +69,14 @@ def add_turns(
     if len(best.ups) == 1:
         return bearing
     waiting = set(deferred)
-    while shutting := _list_shutting(relation, last, absent, chosen):
+    for _ in range(_MOST_TRIED):
+        shutting = _list_shutting(relation, last, absent, chosen)
+        if not shutting:
+            break
         waiting |= shutting
         last = turn(waiting)
-        if len(list_placed(relation, last, absent)) > len(list_placed(relation, best, absent)):
+        # A part that waited may find no way in after the turn.
+        if list_placed(relation, last, absent) > list_placed(relation, best, absent):
             best, deferred, early = last, set(waiting), ()
     spared = [name for name in _list_spared(relation, best, chosen) if name not in early]
     for name in spared[:_MOST_TRIED]:
@@ -118,7 +122,7 @@ def _list_shutting(
 ) -> set[str]:
     """Return parts of the first orientation that shut out further parts after the last turn.
 
-    These further parts have the fewest of them in their way.
+    They are the fewest that are in the way of one of the further parts.
     """
     movable = {*bearing.order} - {*bearing.turned, base}
     first = encode_set([relation.index(name) for name in movable])

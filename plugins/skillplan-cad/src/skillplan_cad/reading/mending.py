@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -473,7 +474,13 @@ def _fill_holes(part: RawPart, repairs: _Repairs) -> RawPart:
     ways = np.where(edges[:, 0] < edges[:, 1], 1, -1)
     spare = np.flatnonzero(ways == np.bincount(which, ways)[which])
     _, once = np.unique(which[spare], return_index=True)
-    loops = _chain_loops(edges[spare[np.sort(once)]])
+    single = {tuple(edge) for edge in ordered[np.bincount(which)[which] == 1].tolist()}
+    loops = [
+        loop
+        for loop in _chain_loops(edges[spare[np.sort(once)]])
+        # A rim of shared edges alone bounds an inner wall.
+        if any((min(a, b), max(a, b)) in single for a, b in pairwise([*loop, loop[0]]))
+    ]
     areas = np.linalg.norm(compute_area_vectors_m2(part.vertices_m, triangles), axis=1)
     allowed = _MOST_FILLED * float(areas.sum())
     points, extra = [part.vertices_m], []

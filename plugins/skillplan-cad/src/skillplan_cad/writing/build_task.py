@@ -191,9 +191,9 @@ def _turn_product(
 ) -> WrittenTask:
     """Return a task that turns the product if it has more of the parts, or else the given one.
 
-    First, the parts of the given task keep their orientation. Then parts that would need fewer
-    supports after a turn wait for it, if that leaves out no part. The station takes room: another
-    arm is tried if parts are out of reach of the first.
+    First, the parts of the given task keep their orientation, unless they shut out others after the
+    turn. Then parts that would need fewer supports after it wait, if that leaves out no part. The
+    station takes room: another arm is tried if that has no more parts, or some are out of reach.
     """
     robot = task.document["robot"]["model"] if task.document else None
     later = _list_retried(task)
@@ -212,9 +212,9 @@ def _turn_product(
         if not (is_worth and turned.turned and robot) or watch.must_stop():
             break
         further = build(turned, robot, task, early)
-        lacks = further.left_out.keys() - absent
-        is_far = any(_FAR in further.left_out[name].text for name in lacks)
-        if best is task and longer not in (None, robot) and is_far and not watch.must_stop():
+        is_far = any(_is_far(why) for n, why in further.left_out.items() if n not in absent)
+        is_short = is_far or not _is_better(product, further, task)
+        if best is task and longer not in (None, robot) and is_short and not watch.must_stop():
             other = build(turned, longer, further, early)
             if _is_better(product, other, further):
                 further, robot = other, longer
@@ -229,6 +229,10 @@ def _turn_product(
 def _list_retried(task: WrittenTask) -> dict[str, LeftOut]:
     """Return the left-out parts that may be brought in another orientation, with reasons."""
     return {name: why for name, why in task.left_out.items() if why.kind in _RETRIED}
+
+
+def _is_far(reason: LeftOut) -> bool:
+    return reason.kind == "unreachable" or _FAR in reason.text
 
 
 def _is_better(product: Product, task: WrittenTask, best: WrittenTask) -> bool:
@@ -639,12 +643,8 @@ class _TaskBuilder:
             if failure.falls and self._holding and name not in self._bearing.held:
                 self._falling.append(name)
             elif not self._holds.take_next(name, failure):
-                conflicting = self._conflicting.pop(name, None)
+                conflicting = self._take_conflicting(name, task_name, trials)
                 reasons |= conflicting or self._holds.give_up(name)
-                if conflicting:
-                    # It passed its trial without the part that is left out now.
-                    self._holds.begin_again(name)
-                    trials.forget(task_name)
             elif is_hurried:
                 reasons |= self._explain_untried([name])
         reasons |= self._explain_untried(names[task_name] for task_name in trial.untried)
@@ -661,9 +661,23 @@ class _TaskBuilder:
                 self._conflicting.setdefault(failed, {name: left_out})
                 trials.forget(conflict.failed)
             else:
-                reasons |= self._conflicting.get(failed, {name: left_out})
+                conflicting = self._take_conflicting(failed, conflict.failed, trials)
+                reasons |= conflicting or {name: left_out}
         tried = (trial.refusals, trial.failures, trial.untried, trial.conflicts, trial.unordered)
         return reasons if any(tried) else None
+
+    def _take_conflicting(
+        self, name: str, task_name: str, trials: TaskTrials
+    ) -> dict[str, LeftOut] | None:
+        """Return what was in no order with the first tool of a part, which is tried again then.
+
+        None if it had an order. The part passed its trial without what is left out now.
+        """
+        conflicting = self._conflicting.pop(name, None)
+        if conflicting:
+            self._holds.begin_again(name)
+            trials.forget(task_name)
+        return conflicting
 
 
 def _list_unexamined(names: Iterable[str]) -> dict[str, LeftOut]:

@@ -573,11 +573,15 @@ def _confirm(task: WrittenTask, watch: Watch) -> WrittenTask:
 
 
 def _merge_tools(tools: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tools of two tasks; jaws press with the larger force."""
+    """Return the tools of two tasks; jaws press with the larger force, sockets are as flat."""
     merged = {name: dict(tool) for name, tool in (*tools.items(), *others.items())}
     for name in tools.keys() & others.keys():
         if "force_n" in merged[name]:
             merged[name]["force_n"] = max(tools[name]["force_n"], others[name]["force_n"])
+        both = tools[name], others[name]
+        depths_m = [tool["socket_depth_m"] for tool in both if "socket_depth_m" in tool]
+        if depths_m:
+            merged[name]["socket_depth_m"] = min(depths_m)
     return merged
 
 

@@ -185,7 +185,8 @@ class GraspFinder:
         clearance_m
             Clearance of open jaws on each side of the part [m].
         at_ends
-            Return the outermost grasps of a long part, one of each end, instead.
+            Return the outermost grasps of both ends of a long part, one of each closing direction,
+            in no particular order, instead.
         """
         jaws = _Jaws(hand, clearance_m)
         candidates = [

@@ -77,8 +77,8 @@ _NEAR_SIZE = 0.04
 _WIDTH_DECIMALS, _HEXAGON = 4, 1.05
 # Lengths of the bits of screwdrivers and sockets; with the first, both are as long as a hand [m].
 _BITS_M, _SOCKETS_M = (0.04, 0.10, 0.16), (0.05, 0.11, 0.17)
-# Depth of a socket about a thin nut, as a share of the nut's height.
-_SOCKET_DEPTH = 0.8
+# Depth of a socket about a thin nut, as a share of the nut's height, and least depth [m].
+_SOCKET_DEPTH, _LEAST_DEPTH_M = 0.8, 1e-4
 # Width and length of the spindle of a socket [m].
 _SPINDLE_M = (0.03, 0.062)
 
@@ -423,7 +423,9 @@ def _build_driver(name: str, driven: Sequence[Mapping[str, Any]], hand: Hand) ->
         entry = {"socket_m": flats_m, "bit_length_m": _SOCKETS_M[level], "body": body}
         # The rim of a socket stays above what a thin nut lies on.
         depth_m = _SOCKET_DEPTH * min(nut["head_height_m"] for nut in driven)
-        return entry if depth_m > flats_m / 3 else {**entry, "socket_depth_m": round(depth_m, 6)}
+        if depth_m > flats_m / 3:
+            return entry
+        return {**entry, "socket_depth_m": max(_LEAST_DEPTH_M, round(depth_m, 6))}
     if level == 0:
         return {}
     length_m = hand.tip_on_flange.xyz_m[2] + _BITS_M[level] - _BITS_M[0]
@@ -823,9 +825,10 @@ def find_socketed(product: Product, relation: Relation, name: str) -> Socketed |
             part = product.parts[product.index(name)]
             flats_m = _measure_flats_m(part, nut.axis)
             around_m = math.sqrt(3) * float(nut.list_radii_m(part.vertices_m).max())
-            if around_m <= _HEXAGON * flats_m:
+            if abs(around_m / flats_m - 1) <= _HEXAGON - 1:
                 return Socketed(mate, thread_m, flats_m, is_hexagon=True)
-            return Socketed(mate, thread_m, round(around_m, _WIDTH_DECIMALS), is_hexagon=False)
+            width_m = round(max(around_m, flats_m), _WIDTH_DECIMALS)
+            return Socketed(mate, thread_m, width_m, is_hexagon=False)
     return None
 
 
