@@ -669,9 +669,9 @@ class _TaskBuilder:
     def _take_conflicting(
         self, name: str, task_name: str, trials: TaskTrials
     ) -> dict[str, LeftOut] | None:
-        """Return what was in no order with the first tool of a part, which is tried again then.
+        """Return the parts to leave out for another, which is tried again then, or None.
 
-        None if it had an order. The part passed its trial without what is left out now.
+        They were in no order with its first tool, and it passed its trial without them.
         """
         conflicting = self._conflicting.pop(name, None)
         if conflicting:
