@@ -128,7 +128,7 @@ class Held:
     at_end
         True if jaws hold it at an end, which has room where its middle has none.
     grip_n
-        Force of each jaw at which friction just bears the part in the best grasp found [N].
+        Force of each jaw in the best grasp found, see `JawGrasp` [N].
     """
 
     tool: str

@@ -84,7 +84,8 @@ class JawGrasp:
     area_m2
         Area of the jaw with less material on it.
     grip_n
-        Force of each jaw at which friction just bears weight and moments of the part.
+        Force of each jaw at which friction just bears weight and moments of the part, or its weight
+        twice [N].
     """
 
     entry: Entry
@@ -108,6 +109,8 @@ class GraspFinder:
     def __init__(self, part: Part, local: Points, centre_m: Floats) -> None:
         self._local, self._centre_m = local, centre_m
         self._mass_kg = part.mass_kg
+        # Force of each jaw at which friction bears twice the weight [N].
+        self._bears_twice_n = part.mass_kg * GRAVITY_M_PER_S2 / _FRICTION
         self._fields: dict[bytes, _Field] = {}
         self._mesh = RayMesh(replace(part, vertices_m=local), np.zeros(3))
         corners = local[part.triangles]
@@ -265,7 +268,9 @@ class GraspFinder:
         del entry["width_m"]
         tip_m = (float(point[0]), float(point[1]), float(point[2]))
         cost = float(abs(away[0]) + abs(away[2]) + _INNER_COST_M)
-        return JawGrasp({**entry, "hold": "inner"}, cost, patch.area_m2, grip_n, tip_m)
+        return JawGrasp(
+            {**entry, "hold": "inner"}, cost, patch.area_m2, max(grip_n, self._bears_twice_n), tip_m
+        )
 
     def _list_closings(self, approach: tuple[float, float, float]) -> Iterator[Floats]:
         """Yield directions across an approach that large faces look along, and the axes."""
@@ -336,7 +341,7 @@ class GraspFinder:
                         _format(approach, closing, point, patch.width_m, field.top_m - tip),
                         float(cost),
                         patch.area_m2,
-                        grip_n,
+                        max(grip_n, self._bears_twice_n),
                         (float(point[0]), float(point[1]), float(point[2])),
                     )
 

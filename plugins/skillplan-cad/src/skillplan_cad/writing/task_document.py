@@ -322,9 +322,8 @@ _LEVEL_FEET_M = 1e-4
 # Meshes of a part: vertices [m] and triangles of each.
 Meshes = tuple[tuple[Points, Triangles], ...]
 
-# Margin on the force of jaws, for grasps farther from the centre of mass too, and their least
-# force [N].
-_GRIP_MARGIN, _LEAST_GRIP_N = 4.0, 5.0
+# Margin on the force of jaws, and their least force [N].
+_GRIP_MARGIN, _LEAST_GRIP_N = 2.0, 5.0
 # Least force of finger tips [N]: parts of milligrams turn between jaws that press harder.
 _LEAST_TIPS_N = 1.0
 _LEAST_SAFE_M = 0.15
@@ -384,7 +383,7 @@ def build_tool_entries(
     entries
         Entries of parts and screws.
     grips_n
-        Force of the jaws of each tool at which friction just bears its parts [N].
+        Force of the jaws of each tool for its parts, without margin; see `JawGrasp` [N].
     """
     hand = ARMS[robot][1]
     tools: dict[str, Any] = {}
