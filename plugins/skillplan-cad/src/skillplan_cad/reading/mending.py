@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.collision.surface import cross_rows
 from skillplan.domains.assembly.mesh_files import label_connected
 from skillplan_cad.product import Face, Points, Triangles
-from skillplan_cad.reading.raw_part import Measure, Mended, RawPart, compute_area_vectors_m2, cross
+from skillplan_cad.reading.raw_part import Measure, Mended, RawPart, compute_area_vectors_m2
 
 # Distances below which vertices are merged, in part sizes; coordinates have single precision.
 _SAME, _NEARLY_SAME = 1e-7, 2e-6
@@ -158,7 +159,7 @@ def compute_volumes_m3(vertices_m: Points, triangles: Triangles) -> NDArray[np.f
     """Return the signed volume between each triangle and the centre of the mesh."""
     middle = vertices_m.mean(axis=0) if len(vertices_m) else np.zeros(3)
     a, b, c = (vertices_m[triangles[:, corner]] - middle for corner in range(3))
-    return np.asarray(np.einsum("ij,ij->i", a, cross(b, c)) / 6)
+    return np.asarray(np.einsum("ij,ij->i", a, cross_rows(b, c)) / 6)
 
 
 def compute_centre_m(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:

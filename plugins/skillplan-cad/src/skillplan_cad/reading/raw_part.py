@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.collision.surface import cross_rows
 from skillplan_cad.product import Face, Points, Triangles, Vector
 
 # Largest number of parts; every pair is tested.
@@ -146,10 +147,4 @@ class RawProduct:
 def compute_area_vectors_m2(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
     """Return the normal of each triangle, scaled to its area."""
     a, b, c = (vertices_m[triangles[:, corner]] for corner in range(3))
-    return 0.5 * cross(b - a, c - a)
-
-
-def cross(a: Points, b: Points) -> Points:
-    """Return the cross products of rows, three times as fast as `np.cross` for small meshes."""
-    (x, y, z), (u, v, w) = a.T, b.T
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+    return 0.5 * cross_rows(b - a, c - a)
