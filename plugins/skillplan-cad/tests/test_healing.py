@@ -340,7 +340,7 @@ class TestMeshes:
         assert "a hole" in mended.notes[-1]
 
     def test_a_wall_inside_is_no_hole_to_be_filled(self):
-        """Three triangles share each edge of its rim, which is small beside the surface."""
+        """Three triangles share each edge of the rim; the wall has under 1 % of the surface."""
         mesh = self.block().subdivide().subdivide()
         vertices, triangles = np.asarray(mesh.vertices) * [1, 1, 100], np.asarray(mesh.faces)
         middle = vertices.mean(axis=0)

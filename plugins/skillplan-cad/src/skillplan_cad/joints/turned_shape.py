@@ -216,7 +216,7 @@ def _find_inertia_axis(part: Part, moments: Floats) -> tuple[Floats, Floats] | N
 
 
 def _square(part: Part, axis: Floats, origin: Floats) -> tuple[Floats, Floats]:
-    """Return an axis square to the widest flat end that is nearly so, and its place in the part.
+    """Return an axis made square to the widest flat end within 0.01 rad, and a point on it.
 
     Facets of curved faces spoil moments and cylinders that are fitted to them.
     """
