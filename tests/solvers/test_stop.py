@@ -14,7 +14,12 @@ from hypothesis import strategies as st
 from situations import two_roads_task
 from skillplan.solvers import Plan, Policy, Progress, Solution, Stop, relative_gap
 from skillplan.solvers import stop as stops
-from skillplan.workers import measure_resident_bytes, measure_resident_bytes_of, processes
+from skillplan.workers import (
+    measure_cpu_s_of,
+    measure_resident_bytes,
+    measure_resident_bytes_of,
+    processes,
+)
 
 
 @pytest.mark.parametrize("time_limit_s", [0.0, -1.0, math.nan])
@@ -304,6 +309,16 @@ def test_where_there_is_no_process_file_system_the_largest_size_stands_for_it(mo
     now = measure_resident_bytes()
     monkeypatch.setattr(processes, "_STATM", Path("no/such/file"))
     assert measure_resident_bytes() > 0.9 * now
+
+
+def test_the_cpu_time_of_a_process_is_what_it_says_itself():
+    """To its clock's tick; of no process it is unknown."""
+    spent_s = measure_cpu_s_of(os.getpid())
+    if spent_s is None:
+        assert not Path("/proc/self/stat").exists()
+    else:
+        assert spent_s == pytest.approx(time.process_time(), abs=0.2)
+    assert measure_cpu_s_of(None) is None
 
 
 def test_of_another_process_it_is_what_that_process_says_itself():

@@ -8,6 +8,7 @@ from .executor import Worker as Worker
 from .executor import pack_content as pack_content
 from .local_processes import LocalProcesses as LocalProcesses
 from .processes import FedProgram as FedProgram
+from .processes import measure_cpu_s_of as measure_cpu_s_of
 from .processes import measure_resident_bytes as measure_resident_bytes
 from .processes import measure_resident_bytes_of as measure_resident_bytes_of
 from .processes import read_output as read_output
@@ -24,6 +25,7 @@ __all__ = [
     "Prepare",
     "Worker",
     "list_descendants",
+    "measure_cpu_s_of",
     "measure_resident_bytes",
     "measure_resident_bytes_of",
     "pack_content",

@@ -137,6 +137,15 @@ def measure_resident_bytes_of(process: int | None, *, private: bool = False) -> 
     return None
 
 
+def measure_cpu_s_of(process: int | None) -> float | None:
+    """Return the CPU time of another process since its start [s], or None if it is unknown."""
+    with suppress(OSError, ValueError, IndexError):
+        # The name of the program, in parentheses, may hold spaces.
+        fields = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return None
+
+
 def get_available_bytes() -> int | None:
     """Return the memory that the system can still provide [bytes], or None if it is unknown."""
     with suppress(OSError, ValueError):

@@ -388,6 +388,7 @@ def test_a_thread_of_no_size_is_as_drawn():
         ({"screws__nut__torque_nm": 6.0}, "more than 'spindle' brings"),
         ({"tools__spindle__bit_diameter_m": 0.009}, "is no socket about 0.008 m"),
         ({"tools__spindle__type": "press"}, "only a screwdriver has a socket"),
+        ({"tools__spindle__socket_depth_m": 0.005}, "5 mm deep, and 'nut' is 4.7 mm high"),
     ],
 )
 def test_a_nut_without_its_bolt_or_socket_is_a_fault(changes, words):

@@ -17,6 +17,7 @@ from skillplan.domains.assembly.layout import get_layout
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig
+from skillplan.domains.assembly.screw_schema import ScrewConfig
 from skillplan.domains.assembly.tool_schema import ACCELERATION_M_PER_S2, SAFETY_FACTOR, ToolConfig
 from skillplan.domains.assembly.workholding import list_goal_poses
 from skillplan.errors import Issue
@@ -122,19 +123,29 @@ def find_grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
                 message = f"{driver!r} is a {kind}, which turns no screw. Name a screwdriver."
                 yield Issue(message, ("screws", name, "tool"))
                 continue
-            socket_m = config.tools[driver].socket_m
-            if socket_m is None and screw.head == "nut":
-                message = f"{driver!r} has a bit, and a nut needs a socket. Give it 'socket_m'."
-                yield Issue(message, ("screws", name, "tool"))
-            elif socket_m is not None and screw.flats_m is None:
-                message = f"{driver!r} has a socket, which turns head: hex or nut. Name another."
-                yield Issue(message, ("screws", name, "tool"))
-            elif socket_m is not None and abs(socket_m - (screw.flats_m or 0.0)) > _FLATS_M:
-                message = (
-                    f"{driver!r} has a socket of {socket_m * 1e3:g} mm, and {name!r} is "
-                    f"{(screw.flats_m or 0.0) * 1e3:g} mm wide across its flats. Name another."
-                )
-                yield Issue(message, ("screws", name, "tool"))
+            if fault := _compare_socket(config.tools[driver], driver, screw, name):
+                yield Issue(fault, ("screws", name, "tool"))
+
+
+def _compare_socket(tool: ToolConfig, driver: str, screw: ScrewConfig, name: str) -> str | None:
+    """Return why a screwdriver does not turn a screw, or None."""
+    if tool.socket_m is None:
+        if screw.head == "nut":
+            return f"{driver!r} has a bit, and a nut needs a socket. Give it 'socket_m'."
+        return None
+    if screw.flats_m is None:
+        return f"{driver!r} has a socket, which turns head: hex or nut. Name another."
+    if abs(tool.socket_m - screw.flats_m) > _FLATS_M:
+        return (
+            f"{driver!r} has a socket of {tool.socket_m * 1e3:g} mm, and {name!r} is "
+            f"{screw.flats_m * 1e3:g} mm wide across its flats. Name another."
+        )
+    if tool.socket_below_m >= screw.head_height_m:
+        return (
+            f"the socket of {driver!r} is {tool.socket_below_m * 1e3:g} mm deep, and {name!r} is "
+            f"{screw.head_height_m * 1e3:g} mm high. Give it a smaller 'socket_depth_m'."
+        )
+    return None
 
 
 # Difference of a socket and a hexagon up to which they fit [m].

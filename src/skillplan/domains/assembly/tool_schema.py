@@ -320,10 +320,10 @@ class ToolConfig(Strict):
         """Position of its holder [m]."""
         x_m, y_m = self.holder_m or (0.0, 0.0)
         # The rim of a socket is below its tip.
-        return (x_m, y_m, self.holder_height_m + self._socket_below_m)
+        return (x_m, y_m, self.holder_height_m + self.socket_below_m)
 
     @property
-    def _socket_below_m(self) -> float:
+    def socket_below_m(self) -> float:
         """Depth of the socket below the tip [m]; 0 without one."""
         return self.socket_depth_m or _SOCKET_BELOW * (self.socket_m or 0.0)
 
@@ -425,7 +425,7 @@ class ToolConfig(Strict):
         flat = math.cos(math.pi / _SOCKET_SIDES)
         inside_m = min(self.socket_m, length_m / 2)
         corners_m = inner_m / flat, outer_m / flat
-        yield from make_ring(*corners_m, -self._socket_below_m, inside_m, _SOCKET_SIDES)
+        yield from make_ring(*corners_m, -self.socket_below_m, inside_m, _SOCKET_SIDES)
         yield Cylinder(2 * outer_m, length_m - inside_m, (0.0, 0.0, (inside_m + length_m) / 2))
 
     def list_shapes(self, kind: ToolKind, hand: Hand) -> tuple[Shape, ...]:

@@ -26,7 +26,7 @@ from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.workers.executor import Answer, Ended, News, Prepare, Worker, pack_content
 from skillplan.workers.executor import tell as send_news
 from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.processes import measure_resident_bytes_of
+from skillplan.workers.processes import measure_cpu_s_of, measure_resident_bytes_of
 from skillplan_cad.product import Points, Triangles, Vector
 from skillplan_cad.reading.mending import join
 from skillplan_cad.reading.names import decode_file_name, decode_text, mark_foreign_names
@@ -41,6 +41,8 @@ _LEAST_S, _S_A_MEGABYTE = 120.0, 6.0
 _FORMAT = 1
 # Largest number of shapes that may crash OCCT or exceed its limits; each starts it again.
 _MOST_STOPS = 8
+# Elapsed time per CPU time above which a process counts as stuck.
+_MOST_WAITING = 5
 Report = Callable[[str], None]
 
 
@@ -51,7 +53,8 @@ class Limits:
     Parameters
     ----------
     seconds
-        Time from the start of the process to its answer [s].
+        CPU time from the start of the process to its answer [s]; elapsed time where the system does
+        not tell it. Five times as long a time may pass.
     memory_bytes
         Resident size of the process [bytes].
     """
@@ -96,7 +99,8 @@ def read_in_process(
             return prepare(content)(None)
         worker = executor.start(prepare, pack_content(content, _WHAT), _WHAT)
         worker.take(None)
-        began = since = time.monotonic()
+        began = time.monotonic()
+        spent_s = since_s = 0.0
         while True:
             if executor.first_ready([worker]):
                 answer = worker.answer()
@@ -105,20 +109,23 @@ def read_in_process(
                 if isinstance(answer, Ended):
                     raise _describe_crash(path, worker, answer, shape)
                 if isinstance(answer, News) and isinstance(answer.content, int):
-                    shape, since = answer.content, time.monotonic()
+                    shape, since_s = answer.content, spent_s
                 elif isinstance(answer, News):
                     text = str(answer.content)
-            now = time.monotonic()
+            elapsed_s = time.monotonic() - began
+            # A busy machine is no fault of the file.
+            cpu_s = measure_cpu_s_of(worker.number)
+            spent_s = elapsed_s if cpu_s is None else max(cpu_s, elapsed_s / _MOST_WAITING)
             if report is not None:
-                report(f"{text}, {now - began:.0f} s")
-            if now - began > limits.seconds:
+                report(f"{text}, {elapsed_s:.0f} s")
+            if spent_s > limits.seconds:
                 # Only a shape that took most of the time is to blame.
-                slow = shape if now - since > limits.seconds / 2 else None
+                slow = shape if spent_s - since_s > limits.seconds / 2 else None
                 raise ReadingStopped(
                     f"{path}: OCCT was still reading after {limits.seconds:.0f} s and was ended. "
                     f"{_REMEDY}, or sub-assemblies one by one.",
                     slow,
-                    f"takes OCCT more than {now - since:.0f} s",
+                    f"takes OCCT more than {spent_s - since_s:.0f} s",
                 )
             if (measure_resident_bytes_of(worker.number) or 0) > limits.memory_bytes:
                 limit = f"more than {limits.memory_bytes / _GIB:.3g} GiB of memory"
