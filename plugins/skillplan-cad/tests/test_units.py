@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -55,6 +56,31 @@ def test_parts_of_one_assembly_that_are_caught_in_each_other_are_one_unit(tmp_pa
     volume_mm3 = product.parts[product.index("bearing/race")].volume_m3 * 1e9
     assert volume_mm3 == pytest.approx(7000 + size[0] * 64, rel=1e-4)
     assert len(analyse(tmp_path, parts, uniting=False)) == 4
+
+
+def test_a_unit_has_its_screws_without_head_and_the_parts_that_are_drawn_into_it(tmp_path):
+    """Also if its assembly has most of the parts; screws with a head stay parts."""
+    along = trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0))
+
+    def rod(radius_mm, low_mm, high_mm, y_mm):
+        mesh = trimesh.creation.cylinder(radius_mm / 1e3, (high_mm - low_mm) / 1e3, transform=along)
+        mesh.apply_translation([(low_mm + high_mm) / 2e3, y_mm / 1e3, 0])
+        return mesh
+
+    tapped = trimesh.boolean.difference(
+        [shell((0, 0, 0)), rod(1.25, 0, 20, -3), rod(1.25, 0, 20, 3)]
+    )
+    parts = {
+        "plate": block((60, 60, 10), (0, 0, -15)),
+        "bearing/race": tapped,
+        "bearing/ball": block((8, 8, 8), (0, 0, 0)),
+        "bearing/lid": block((6, 6, 6), (0, 0, 11)),
+        "bearing/chip": block((0.3, 0.6, 0.3), (8, 8, 10.15)),
+        "bearing/M3 set screw": rod(1.5, 5.5, 9.5, -3),
+        "bearing/M3 screw": trimesh.boolean.union([rod(1.5, 5.5, 10, 3), rod(2.75, 10, 13, 3)]),
+    }
+    names = {part.name for part in analyse(tmp_path, parts)}
+    assert names == {"plate", "bearing/race", "bearing/M3 screw"}
 
 
 def test_parts_that_an_option_names_and_parts_below_the_root_are_no_unit(tmp_path):

@@ -168,6 +168,10 @@ class RelationPart:
     mass_kg: float
 
 
+# Width of a screw, in diameters of its shank, up to which it has no head.
+_HEADLESS = 1.15
+
+
 @dataclass(frozen=True, slots=True)
 class Fastener:
     """A screw, nut, washer or pin.
@@ -207,6 +211,11 @@ class Fastener:
         """Return the distances of points from its axis [m]."""
         axis, apart = np.asarray(self.axis), points_m - np.asarray(self.point_m)
         return np.asarray(np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1))
+
+    def is_headless(self, points_m: Points) -> bool:
+        """Return whether it is a screw whose vertices reach no wider than its shank."""
+        widest_m = float(self.list_radii_m(points_m).max())
+        return self.kind == "screw" and widest_m <= _HEADLESS * self.diameter_m / 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -117,7 +117,7 @@ def command(
         option(
             "--no-units",
             GEOMETRY,
-            "Keep parts of one assembly that are caught in each other, such as the rings of a "
+            "Keep parts of bought-in units, such as the rings of a "
             "bearing, apart, and the bodies of a part that closes others in together.",
         ),
     ] = False,

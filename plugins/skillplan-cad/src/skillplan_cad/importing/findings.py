@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -566,9 +566,11 @@ def _report_progress(tell: Tell, product: Product) -> Callable[[int, int], None]
 # their plastic; both halves of a housing may be one part in the file.
 # Number of times that parts are joined or split. Largest number of bodies that are separate parts:
 # more are the balls of a bearing.
-_ROUNDS, _MOST_BODIES = 4, 8
-# Largest share of the product's parts in one unit.
+_ROUNDS, _MOST_BODIES = 8, 8
+# Largest share of the product's parts, and of its volume, in the assembly of a unit.
 _MOST_SHARE = 0.5
+# Size of a part that no gripper of a cell holds, nor a cup [m].
+_TINY_M = 1e-3
 # Least share of each body in the volume of a housing; rods in a frame have less, and stay in it.
 _LEAST_BODY = 0.05
 
@@ -586,14 +588,19 @@ def analyse_units(
         Findings, and the settings that name the units and the parts that are split.
     """
     findings = analyse(settings)
+    # Other parts on a board are placed one by one.
+    boards: set[str] = set()
     for _ in range(_ROUNDS if settings.uniting else 0):
         product, relation = findings.product, findings.relation
         locked = list_locked(relation)
+        bought = {name for unit in settings.units for name in unit} & {*relation.names} - boards
         units = [
             unit
-            for unit in list_units(product, relation, locked)
-            if not any(_is_named(name, settings) for name in unit)
+            for unit in list_units(product, relation, locked, bought)
+            if not _is_named(unit, settings)
         ]
+        tiny = {*_list_tiny(product)}
+        boards |= {name for unit in units for name in unit if tiny.intersection(unit)}
         if units:
             settings = replace(settings, units=(*settings.units, *units))
             findings = analyse(settings)
@@ -610,12 +617,18 @@ def analyse_units(
     return findings, settings
 
 
-def _is_named(name: str, settings: ImportSettings) -> bool:
-    """Return whether an option names a part, which then stays a part."""
-    pairs = [side.strip() for pair in settings.press_fit for side in pair.split(",")]
+def _is_named(unit: Sequence[str], settings: ImportSettings) -> bool:
+    """Return whether an option names a part of a unit, or a fit within it: they stay parts."""
     materials = [entry.rpartition("=")[0] for entry in settings.material]
-    patterns = [*pairs, *settings.fastener, *settings.not_fastener, *materials]
-    return name == settings.base or any(fits_pattern(name, pattern) for pattern in patterns)
+    patterns = [*settings.fastener, *settings.not_fastener, *materials]
+
+    def has(pattern: str) -> bool:
+        return any(fits_pattern(name, pattern) for name in unit)
+
+    is_within = any(
+        all(has(side.strip()) for side in pair.split(",")) for pair in settings.press_fit
+    )
+    return settings.base in unit or is_within or any(map(has, patterns))
 
 
 def list_locked(relation: Relation) -> list[tuple[str, ...]]:
@@ -629,26 +642,56 @@ def _count_locked(relation: Relation, kept: set[str]) -> int:
 
 
 def list_units(
-    product: Product, relation: Relation, locked: Iterable[Sequence[str]]
+    product: Product,
+    relation: Relation,
+    locked: Iterable[Sequence[str]],
+    bought: Collection[str] = (),
 ) -> list[tuple[str, ...]]:
     """Return the parts of each bought-in unit.
 
     They belong to one assembly below the root, and are locked: because all of their set belong to
-    it, or because they overlap.
+    it, or because they overlap or touch a bought unit. Parts that are drawn inside a bought unit,
+    and screws without a head in it, belong to it as well. Tiny parts come soldered to a board.
     """
     overlaps = [contact.parts for contact in relation.contacts if contact.interferes]
-    units = []
+    touching = [contact.parts for contact in relation.contacts if {*contact.parts} & {*bought}]
+    units: list[tuple[str, ...]] = []
     for lock in locked:
-        assemblies: dict[str, list[str]] = {}
-        for name in lock:
-            assemblies.setdefault(name.rpartition("/")[0], []).append(name)
-        for assembly, names in assemblies.items():
-            inside = sum(part.name.startswith(f"{assembly}/") for part in product)
-            if not assembly or len(names) < 2 or inside > _MOST_SHARE * len(product):
-                continue
-            pairs = [pair for pair in overlaps if {*pair} <= {*names}]
+        for names in _split_by_assembly(product, lock):
+            pairs = [pair for pair in overlaps + touching if {*pair} <= {*names}]
             units += [tuple(names)] if len(names) == len(lock) else _link(names, pairs)
+    if units:
+        return units
+    inside = [pair for pair in overlaps if {*pair} & {*bought}]
+    tiny = {*_list_tiny(product)}
+    inside += [c.parts for c in relation.contacts if len({*c.parts} & tiny) == 1]
+    for fastener in relation.fasteners:
+        if fastener.is_headless(product.parts[product.index(fastener.part)].vertices_m):
+            inside += [(fastener.part, mate) for mate in fastener.threaded_in if mate in bought]
+    for names in _split_by_assembly(product, relation.names):
+        units += _link(names, [pair for pair in inside if {*pair} <= {*names}])
     return units
+
+
+def _list_tiny(product: Product) -> list[str]:
+    return [part.name for part in product if np.ptp(part.bounds_m, axis=0).max() < _TINY_M]
+
+
+def _split_by_assembly(product: Product, names: Iterable[str]) -> Iterator[list[str]]:
+    """Yield the parts of each assembly below the root, two or more.
+
+    An assembly with most of the parts and of the volume is the product itself.
+    """
+    assemblies: dict[str, list[str]] = {}
+    for name in names:
+        assemblies.setdefault(name.rpartition("/")[0], []).append(name)
+    volume_m3 = sum(part.volume_m3 for part in product)
+    for assembly, members in assemblies.items():
+        inside = [part for part in product if part.name.startswith(f"{assembly}/")]
+        own_m3 = sum(part.volume_m3 for part in inside)
+        is_most = len(inside) > _MOST_SHARE * len(product) and own_m3 > _MOST_SHARE * volume_m3
+        if assembly and len(members) > 1 and not is_most:
+            yield members
 
 
 def _link(names: Sequence[str], pairs: Sequence[tuple[str, str]]) -> list[tuple[str, ...]]:

@@ -417,7 +417,7 @@ def _join_parts(
         notes.append(note)
     for names in options.units:
         meshes, note = _join(meshes, [mesh for mesh in meshes if mesh.part.label in names])
-        notes.append(f"{note}, as they are caught in each other; --no-units keeps them apart")
+        notes.append(f"{note}, which is bought in as a unit; --no-units keeps them apart")
     return meshes, notes
 
 

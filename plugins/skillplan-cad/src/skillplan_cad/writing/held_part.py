@@ -562,7 +562,10 @@ class PartHolds:
         elif self._fix(name, words):
             return {}
         # The links of another arm may have room where those of this one have none.
-        if failure.is_far or (name in self._relation.driven and "of the arm" in failure.text):
+        by_arm = failure.is_by_arm or (
+            name in self._relation.driven and "of the arm" in failure.text
+        )
+        if failure.is_far or by_arm:
             remedy = "" if self._robot == LONG_ARM else f"; --robot {LONG_ARM} reaches farther"
             return {name: LeftOut(name, "unreachable", f"{words}{remedy}")}
         return {name: LeftOut(name, "no grasp", words)}

@@ -721,8 +721,6 @@ def list_plan_limits(
 _FLAT = 0.999
 # Share of a head's radius at its rim.
 _RIM = 0.97
-# Width of a screw, in diameters of its shank, up to which it has no head.
-_HEADLESS = 1.15
 
 
 def build_screw_entry(
@@ -862,14 +860,13 @@ def list_undriven(
             reasons[name] = LeftOut(name, "no grasp", words)
     for name in sorted(names, key=relation.index):
         screw = relation.fastener(name)
-        if screw is not None and screw.kind == "screw":
-            radii_m = screw.list_radii_m(product.parts[product.index(name)].vertices_m)
-            if radii_m.max() <= _HEADLESS * screw.diameter_m / 2:
-                reasons[name] = LeftOut(
-                    name,
-                    "no head",
-                    "has no head that bears on a part, which all screws of a task have",
-                )
+        vertices_m = product.parts[product.index(name)].vertices_m
+        if screw is not None and screw.is_headless(vertices_m):
+            reasons[name] = LeftOut(
+                name,
+                "no head",
+                "has no head that bears on a part, which all screws of a task have",
+            )
     return reasons
 
 
