@@ -117,8 +117,8 @@ def command(
         option(
             "--no-units",
             GEOMETRY,
-            "Keep parts of bought-in units, such as the rings of a "
-            "bearing, apart, and the bodies of a part that closes others in together.",
+            "Keep the parts of bought-in units apart, such as the rings of a bearing, and the "
+            "bodies of a part that closes others in together.",
         ),
     ] = False,
     fit_allowance: Annotated[
