@@ -299,11 +299,7 @@ class _Grasps:
     def _feasible(self) -> Iterator[tuple[Variant, Variant]]:
         """Yield pick and place by each grasp that allows both, the preferred one first."""
         for grasp in self._pairing.grasps:
-            (pick,) = grasp.picks
-            verdict = self._decide(pick.skill, self._before)
-            status = self._verdicts.note(pick.label, verdict, self._settled[0])
-            if status is not VerdictStatus.FEASIBLE:
-                continue
+            # Places are refused more often, and mostly before a path of the arm is sought.
             place = _choose_cheapest(
                 self._verdicts,
                 self._decide,
@@ -312,7 +308,12 @@ class _Grasps:
                 self._prices,
                 self._settled[1],
             )
-            if place is not None:
+            if place is None:
+                continue
+            (pick,) = grasp.picks
+            verdict = self._decide(pick.skill, self._before)
+            status = self._verdicts.note(pick.label, verdict, self._settled[0])
+            if status is VerdictStatus.FEASIBLE:
                 yield pick, place
 
 

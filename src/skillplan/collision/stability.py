@@ -16,7 +16,14 @@ from pydantic import Field
 
 from skillplan.collision.detector import Detector
 from skillplan.collision.solid import TOUCH_M, Solid
-from skillplan.collision.standing import Touch, Weight, decide_standing, find_touches, weigh
+from skillplan.collision.standing import (
+    Standing,
+    Touch,
+    Weight,
+    decide_standing,
+    find_touches,
+    weigh,
+)
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.pose import Pose
@@ -105,6 +112,8 @@ class StabilityDetector(Detector):
         super().__init__(task, options)
         self._is_alone = True
         self._touches: dict[tuple[tuple[str, str], tuple[str, str]], Touch | None] = {}
+        # By touches, parts, joined pairs, held parts, direction against gravity and tilt.
+        self._standing: dict[tuple[object, ...], Standing] = {}
         self._verdicts: dict[str, list[Verdict]] = {}
 
     def beside(self, others: Sequence[BackEnd]) -> None:
@@ -187,15 +196,7 @@ class StabilityDetector(Detector):
         if product.loose.keys() <= firm:
             return self._find_weak_holder(product, state, ups, tilt_deg)
         for up in ups:
-            standing = decide_standing(
-                product.weights,
-                product.touches,
-                product.held,
-                joined=product.joined,
-                up=up,
-                friction=self.options.friction,
-                tilt_deg=tilt_deg,
-            )
+            standing = self._decide_standing(product, product.held, up, tilt_deg)
             if not standing.stands:
                 return standing.reason
         return self._find_weak_holder(product, state, ups, tilt_deg)
@@ -213,18 +214,7 @@ class StabilityDetector(Detector):
             if holder.force_n is None or not held or held[0] not in product.loose:
                 continue
             others = product.held - set(held)
-            alone = [
-                decide_standing(
-                    product.weights,
-                    product.touches,
-                    others,
-                    joined=product.joined,
-                    up=up,
-                    friction=self.options.friction,
-                    tilt_deg=tilt_deg,
-                ).stands
-                for up in ups
-            ]
+            alone = [self._decide_standing(product, others, up, tilt_deg).stands for up in ups]
             mass_kg = sum(weight.mass_kg for weight in product.weights.values())
             needed_n = mass_kg * _GRAVITY_M_PER_S2
             bears_n = _JAWS * self.options.friction * holder.force_n
@@ -234,6 +224,30 @@ class StabilityDetector(Detector):
                     f"{holder.force_n:g} N, and {held[0]} with all on it weighs {needed_n:.3g} N"
                 )
         return None
+
+    def _decide_standing(
+        self, product: _Product, held: set[str], up: tuple[float, float, float], tilt_deg: float
+    ) -> Standing:
+        """Return whether a product stands; each is examined once, whichever part came last."""
+        key = (
+            frozenset(map(id, product.touches)),
+            frozenset(there.key for there in product.loose.values()),
+            frozenset(map(frozenset, product.joined)),
+            frozenset(held),
+            up,
+            tilt_deg,
+        )
+        if key not in self._standing:
+            self._standing[key] = decide_standing(
+                product.weights,
+                product.touches,
+                held,
+                joined=product.joined,
+                up=up,
+                friction=self.options.friction,
+                tilt_deg=tilt_deg,
+            )
+        return self._standing[key]
 
     def _find_there(self, part: str, basis: _Basis) -> _There | None:
         """Return where a part is built in, or None."""
@@ -281,7 +295,7 @@ class StabilityDetector(Detector):
         kept = [
             touch
             for touch in product.touches
-            if touch.body in reached and (touch.other in reached or not self._is_part(touch.other))
+            if all(n in reached or not self._is_part(n) for n in (touch.body, touch.other))
         ]
         # A held part bounds the product; parts beyond it do not matter.
         return replace(product, touches=kept)
@@ -315,7 +329,9 @@ class StabilityDetector(Detector):
         return name in self.task.operations
 
     def _touch(self, there: _There, other: _There) -> Touch | None:
-        """Return the contact of a part with a body, or None; kept."""
+        """Return the contact of a part with a body, or None; kept, one for both of two parts."""
+        if _is_loose(other) and other.key < there.key:
+            there, other = other, there
         key = (there.key, other.key)
         if key not in self._touches:
             low, high = there.solid.box.low, there.solid.box.high
