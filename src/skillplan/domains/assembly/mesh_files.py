@@ -706,7 +706,7 @@ def _check_size(size: Floats, scale: float) -> None:
         raise MeshFileError(f"It is flat: {shortest_m:g} m along {axis}; give it a thickness.")
 
 
-MAX_PIECES = 512
+MAX_PIECES = 1024
 """Greatest number of convex pieces of a polyhedron."""
 
 # Tolerance of the bounding box of the pieces, as a share of the greatest extent. Pieces with play

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from skillplan.domains.assembly import MAX_PIECES
 from skillplan_cad.product import Points, Triangles, make_solid
 from skillplan_cad.writing.lanes import Lane, assign_bodies, measure_depth_mm, measure_thickness
 
@@ -28,7 +29,7 @@ Bools = NDArray[np.bool_]
 Normal = tuple[float, float, float]
 
 # Number of pieces after which only gaps in the way of other parts are cut, and limit of all.
-_MOST_PIECES, _MOST_OF_ALL = 160, 512
+_MOST_PIECES, _MOST_OF_ALL = 160, MAX_PIECES
 _TO_MM = 1e3
 # Number of boundary planes of a gap that are tried as cuts.
 _MOST_PLANES = 8
