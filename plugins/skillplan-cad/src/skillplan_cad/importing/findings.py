@@ -606,7 +606,8 @@ def analyse_units(
             findings = analyse(settings)
             continue
         closing = find_closing(product, locked)
-        if closing is None:
+        pairs = [side.strip() for pair in settings.press_fit for side in pair.split(",")]
+        if closing is None or any(fits_pattern(closing, side) for side in pairs):
             break
         split = replace(settings, split_parts=(*settings.split_parts, closing))
         apart = analyse(split)
