@@ -459,6 +459,11 @@ class _Program:
             self._highs.changeRowBounds(row, load, load)
         self._highs.run()
         if self._highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+            # Scaled rows may leave residuals above the tolerance.
+            self._highs.setOptionValue("simplex_scale_strategy", 0)
+            self._highs.clearSolver()
+            self._highs.run()
+        if self._highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             raise RuntimeError("The linear program on contact forces was not solved.")
         solution = self._highs.getSolution()
         helps = np.array(solution.col_value[self._forces :])
