@@ -588,19 +588,15 @@ def analyse_units(
         Findings, and the settings that name the units and the parts that are split.
     """
     findings = analyse(settings)
-    # Other parts on a board are placed one by one.
-    boards: set[str] = set()
     for _ in range(_ROUNDS if settings.uniting else 0):
         product, relation = findings.product, findings.relation
         locked = list_locked(relation)
-        bought = {name for unit in settings.units for name in unit} & {*relation.names} - boards
+        bought = {name for unit in settings.units for name in unit} & {*relation.names}
         units = [
             unit
             for unit in list_units(product, relation, locked, bought)
             if not _is_named(unit, settings)
         ]
-        tiny = {*_list_tiny(product)}
-        boards |= {name for unit in units for name in unit if tiny.intersection(unit)}
         if units:
             settings = replace(settings, units=(*settings.units, *units))
             findings = analyse(settings)
@@ -651,20 +647,19 @@ def list_units(
     """Return the parts of each bought-in unit.
 
     They belong to one assembly below the root, and are locked: because all of their set belong to
-    it, or because they overlap or touch a bought unit. Parts that are drawn inside a bought unit,
-    and screws without a head in it, belong to it as well. Tiny parts come soldered to a board.
+    it, or because they overlap. Parts that are drawn inside a bought unit, and screws without a
+    head in it, belong to it as well. Tiny parts come soldered to a board.
     """
     overlaps = [contact.parts for contact in relation.contacts if contact.interferes]
-    touching = [contact.parts for contact in relation.contacts if {*contact.parts} & {*bought}]
     units: list[tuple[str, ...]] = []
     for lock in locked:
         for names in _split_by_assembly(product, lock):
-            pairs = [pair for pair in overlaps + touching if {*pair} <= {*names}]
+            pairs = [pair for pair in overlaps if {*pair} <= {*names}]
             units += [tuple(names)] if len(names) == len(lock) else _link(names, pairs)
     if units:
         return units
     inside = [pair for pair in overlaps if {*pair} & {*bought}]
-    tiny = {*_list_tiny(product)}
+    tiny = {part.name for part in product if np.ptp(part.bounds_m, axis=0).max() < _TINY_M}
     inside += [c.parts for c in relation.contacts if len({*c.parts} & tiny) == 1]
     for fastener in relation.fasteners:
         if fastener.is_headless(product.parts[product.index(fastener.part)].vertices_m):
@@ -672,10 +667,6 @@ def list_units(
     for names in _split_by_assembly(product, relation.names):
         units += _link(names, [pair for pair in inside if {*pair} <= {*names}])
     return units
-
-
-def _list_tiny(product: Product) -> list[str]:
-    return [part.name for part in product if np.ptp(part.bounds_m, axis=0).max() < _TINY_M]
 
 
 def _split_by_assembly(product: Product, names: Iterable[str]) -> Iterator[list[str]]:
