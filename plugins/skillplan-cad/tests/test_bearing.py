@@ -118,6 +118,41 @@ def test_a_closed_frame_lacks_one_beam_only():
     assert reason.kind == "closed in"
 
 
+def test_parts_are_held_until_the_last_one_bears_them_if_more_parts_come_then():
+    """Two arms on pegs fall without the yoke, which goes onto both from a side at the end."""
+
+    def mirror(solid):
+        return solid.scale([1, -1, 1]).translate([0, 60, 0])
+
+    inner, outer, lead = (
+        box(20, 3, 8, 28, 7, 12),
+        box(72, 3, 8, 80, 7, 12),
+        box(13, 10, 8, 17, 18, 12),
+    )
+    corner = box(10, 0, 0, 20, 10, 20) + inner + lead
+    arm = box(20, 0, 5, 80, 10, 15) - inner - outer
+    solids = {
+        "yoke": box(80, 0, 0, 90, 60, 20) + outer + mirror(outer),
+        "south": corner,
+        "north": mirror(corner),
+        "tie": box(10, 10, 5, 20, 50, 15) - lead - mirror(lead),
+        "arm": arm,
+        "other": mirror(arm),
+    }
+    corners = {"south": (11, 1, 20), "north": (11, 51, 20), "tie": (11, 28, 15)}
+    corners |= {"arm": (48, 2, 15), "other": (48, 52, 15), "yoke": (81, 28, 20)}
+    for name, (x, y, z) in corners.items():
+        for k in (0, 4):
+            solids[f"{name}_{k}"] = box(x + k, y, z, x + k + 3, y + 5, z + 5)
+    product = product_of(**solids)
+    relation = related(product)
+    assert "other" in find_bearing(product, relation, UP, holding=True).why_not
+    bearing = find_bearing(product, relation, UP, holding=True, between=True)
+    assert {*bearing.order} == {*solids}
+    assert {*bearing.held} == {"tie", "arm", "other"}
+    assert bearing.order.index("yoke") == 5
+
+
 def test_what_stands_by_itself_is_not_held():
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     assert find_bearing(product, related(product), UP, holding=True).held == ()

@@ -461,12 +461,16 @@ class _Search:
         return trace_outside_mm(mesh, along[:, None] * shape.axis * 1000, shape.axis) / 1000
 
     def _find_pressed_places(self, name: str, shape: TurnedShape) -> dict[str, float]:
-        """Return the parts that a fastener lies flat on, with their places along its axis."""
+        """Return the parts that a fastener lies flat on, with their places along its axis.
+
+        Parts that lie on its head come after it.
+        """
         places: dict[str, float] = {}
         for contact in self._contacts:
             if name in contact.parts and contact.points_m:
-                dots = np.abs(np.asarray(contact.normals).reshape(-1, 3) @ shape.axis)
-                if (dots > _FLAT).any():
+                sign = 1 if contact.parts[0] == name else -1
+                dots = sign * (np.asarray(contact.normals).reshape(-1, 3) @ shape.axis)
+                if (dots < -_FLAT).any():
                     along = (np.asarray(contact.points_m) - shape.origin_m) @ shape.axis
                     other = contact.parts[1 - contact.parts.index(name)]
                     places[other] = float(np.median(along))

@@ -75,6 +75,8 @@ class Bearing:
     turned
         Vectors that point up when parts and screws go in after the product was turned, in the order
         of the turns.
+    between
+        True if supports hold parts, too, that stay at the end, but fall before the last are in.
     """
 
     up: Vector
@@ -84,6 +86,7 @@ class Bearing:
     undriven: Mapping[str, LeftOut] = field(default_factory=dict)
     held: tuple[str, ...] = ()
     turned: Mapping[str, Vector] = field(default_factory=dict)
+    between: bool = False
 
     @property
     def ups(self) -> tuple[Vector, ...]:
@@ -102,6 +105,7 @@ def find_bearing(
     absent: Collection[str] = (),
     *,
     holding: bool = False,
+    between: bool = False,
     firm: Collection[str] = (),
     earlier: Sequence[Vector] = (),
 ) -> Bearing:
@@ -116,13 +120,15 @@ def find_bearing(
         Names of parts that are not there.
     holding
         True if parts that do not stay may be held by supports of their own.
+    between
+        True if that goes for parts, too, that stay at the end, but fall before the last are in.
     firm
         Parts and screws that are in, and that a turn of the product did not move.
     earlier
         Vectors that pointed up before that turn.
     """
     sets, ups = (frozenset(absent), frozenset(firm)), tuple(earlier)
-    return _find_bearing(product, relation, up, *sets, ups, holding=holding)
+    return _find_bearing(product, relation, up, *sets, ups, holding=holding, between=between)
 
 
 @lru_cache(maxsize=64)
@@ -135,9 +141,11 @@ def _find_bearing(
     earlier: tuple[Vector, ...],
     *,
     holding: bool,
+    between: bool,
 ) -> Bearing:
     forces = _share_equilibrium(product, relation)
-    return _Standing(product, relation, up, forces, absent, holding, firm, earlier).best()
+    holds = (holding, between)
+    return _Standing(product, relation, up, forces, absent, *holds, firm, earlier).best()
 
 
 @lru_cache(maxsize=4)
@@ -315,12 +323,16 @@ class _Standing:
         equilibrium: Equilibrium,
         absent: Collection[str],
         holding: bool,
+        between: bool,
         firm: Collection[str],
         earlier: Sequence[Vector],
     ) -> None:
         given, self._firm = relation, set(firm)
         relation = hold_mates(relation, *earlier, up) if holding else relation
         self._holding, self._held = holding, set[str]()
+        self._between = holding and between
+        # Parts that are held as they fall in between; None if such parts are not held.
+        self._more: set[str] | None = None
         self._up, self._vector, self._plan = up, np.asarray(up), find_axes_across(up)
         self._product, self._relation, self._equilibrium = product, relation, equilibrium
         self._absent = set(absent)
@@ -383,13 +395,13 @@ class _Standing:
         if self._firm:
             near = {name for name in self._parts if self._touched[name] or name in self._firm}
             ground = -np.inf
-            best = self._order(self._support(near, ground, undriven), ground, undriven)
+            best = self._order_holding(self._support(near, ground, undriven), ground, undriven)
         else:
             best = self._find_standing(undriven)
             ground = self._find_ground(self._parts, undriven)
         if any(reason.kind in ("closed in", "from below") for reason in best.why_not.values()):
             placed, closed_in = self._build_up(ground)
-            bearing = self._order(placed, ground, undriven | closed_in)
+            bearing = self._order_holding(placed, ground, undriven | closed_in)
             fewer = len(bearing.order) <= len(best.order)
             if not fewer and bearing.undriven.keys() <= best.undriven.keys():
                 best = bearing
@@ -414,7 +426,7 @@ class _Standing:
             # What touches nothing may be a mistake, and is told.
             near = {name for name in self._parts if self._touched[name]}
             borne = self._support(near, ground, undriven)
-            bearing = self._order(borne, ground, undriven)
+            bearing = self._order_holding(borne, ground, undriven)
             if len(bearing.order) > len(best.order) - bool(self._turning):
                 best = bearing
         return best
@@ -684,6 +696,25 @@ class _Standing:
             bearers = [self._relation.names[number] for number in numbers]
         return tuple(bearers)
 
+    def _order_holding(
+        self, borne: Collection[str], ground: float, undriven: Mapping[str, LeftOut]
+    ) -> Bearing:
+        """Return an order, with parts held that fall in between.
+
+        These supports must be fewer than the parts that they bring, which come past held ones.
+        """
+        held = {*self._held}
+        plain = self._order(borne, ground, undriven)
+        left_out = (*plain.why_not.values(), *plain.undriven.values())
+        if not self._between or not any(r.kind in ("closed in", "from below") for r in left_out):
+            return plain
+        self._held, self._more = held, set()
+        further = self._order(borne, ground, undriven)
+        gained = len(further.order) - len(plain.order)
+        gained += len(plain.undriven) - len(further.undriven)
+        is_better, self._more = gained > len(self._more), None
+        return further if is_better else plain
+
     def _order(
         self, borne: Collection[str], ground: float, undriven: Mapping[str, LeftOut]
     ) -> Bearing:
@@ -694,7 +725,7 @@ class _Standing:
             self._earlier = self._rank(kept)
             screws = self._driven - reasons.keys()
             everything = encode_set([self._numbers[name] for name in (*kept, *screws)])
-            removed, left = self._take_away(everything | self._firm_bits, ground)
+            removed, left = self._take_away_holding(everything | self._firm_bits, ground)
             left &= ~self._firm_bits
             if not left:
                 break
@@ -716,7 +747,7 @@ class _Standing:
         undriven = {name: reason for name, reason in reasons.items() if name in self._driven}
         held = tuple(name for name in order if name in self._held)
         on = {name: standing[name] for name in order}
-        return Bearing(self._up, tuple(order), on, why_not, undriven, held)
+        return Bearing(self._up, tuple(order), on, why_not, undriven, held, {}, self._between)
 
     def _rank(self, kept: Collection[str]) -> dict[str, int]:
         """Return the parts before each part: supports must not bear each other in a circle."""
@@ -741,12 +772,22 @@ class _Standing:
                         changed = True
                         break
 
-    def _take_away(self, present: int, ground: float) -> tuple[list[str], int]:
-        """Return the parts that can be taken away one by one, in order, and the rest."""
+    def _take_away(
+        self, present: int, ground: float, first: Collection[str] = ()
+    ) -> tuple[list[str], int]:
+        """Return the parts that can be taken away one by one, in order, and the rest.
+
+        Parameters
+        ----------
+        first
+            Parts that leave as soon as they can.
+        """
         removed: list[str] = []
         names = self._relation.names
         # From the top: parts below may still be needed.
-        order = sorted(list_members(present), key=lambda n: (-self._get_height(n), -n))
+        order = sorted(
+            list_members(present), key=lambda n: (names[n] not in first, -self._get_height(n), -n)
+        )
         progress = True
         while progress:
             progress = False
@@ -755,7 +796,68 @@ class _Standing:
                     present &= ~(1 << number)
                     removed.append(names[number])
                     progress = True
+                    if first:
+                        break
         return removed, present
+
+    def _take_away_holding(self, present: int, ground: float) -> tuple[list[str], int]:
+        """Return the same as `_take_away`; hold parts that fall as others leave.
+
+        Then each of these holds without which all can be taken away is given up.
+        """
+        removed, left = self._take_away(present, ground)
+        if self._more is None:
+            return removed, left
+        more, before = set[str](), {*self._held}
+        while (number := self._find_least_bearing(left, ground)) is not None:
+            falling = self._list_falling(number, left, ground)
+            more |= falling
+            self._held |= falling
+            later, left = self._take_away(left & ~(1 << number), ground, more)
+            removed += [self._relation.names[number], *later]
+        for name in sorted(more, key=self._numbers.__getitem__):
+            self._held.discard(name)
+            again, rest = self._take_away(present, ground, self._held - before)
+            if rest == left:
+                removed = again
+            else:
+                self._held.add(name)
+        self._more = self._held - before
+        return removed, left
+
+    def _find_least_bearing(self, present: int, ground: float) -> int | None:
+        """Return the part that can leave without which fewest fall; ties go to the highest.
+
+        None of these may hang in the air then, with no part beside it that leads to the table.
+        """
+        falling = {
+            number: self._list_falling(number, present, ground)
+            for number in list_members(present)
+            if self._can_leave(number, present)
+        }
+        return min(
+            (
+                number
+                for number, names in falling.items()
+                if names <= self._list_tied(present & ~(1 << number), names, ground)
+            ),
+            key=lambda n: (len(falling[n]), -self._get_height(n)),
+            default=None,
+        )
+
+    def _list_tied(self, present: int, falling: Collection[str], ground: float) -> set[str]:
+        """Return the parts that contacts connect to the table."""
+        left = [name for name in self._parts if present >> self._numbers[name] & 1]
+        tied, fresh = set[str](), list[str]()
+        for name in left:
+            stands = self._lowest[name] < ground + _TOUCH_M and name not in falling
+            if stands or name in self._firm:
+                fresh.append(name)
+        while fresh:
+            tied.update(fresh)
+            touched = [n for n in left if n not in tied for t in fresh if self._touches(t, n)]
+            fresh = list(dict.fromkeys(touched))
+        return tied
 
     def _get_height(self, number: int) -> float:
         if number not in self._heights:
@@ -765,22 +867,32 @@ class _Standing:
 
     def _is_free(self, number: int, present: int, ground: float) -> bool:
         """Return whether a part can leave upwards or sideways, and all others stay."""
+        can_leave = self._can_leave(number, present)
+        return can_leave and not self._list_falling(number, present, ground)
+
+    def _can_leave(self, number: int, present: int) -> bool:
+        """Return whether a part can leave upwards or sideways, past others and their screws."""
         name, others = self._relation.names[number], present & ~(1 << number)
-        if name in self._firm:
-            return False
         joined = name in self._parts and any(
             name in joins and others >> self._numbers[screw] & 1
             for screw, joins in self._joined.items()
         )
-        if joined or not any(
-            not blockers & others for blockers in self._list_blockers(number, name)
-        ):
-            return False
-        return all(
-            self._stays(other, others & self._earlier[other], ground)
-            for other, touched in self._touched.items()
-            if touched >> number & 1 and others >> self._numbers[other] & 1
+        return (
+            name not in self._firm
+            and not joined
+            and not all(blockers & others for blockers in self._list_blockers(number, name))
         )
+
+    def _list_falling(self, number: int, present: int, ground: float) -> set[str]:
+        """Return the neighbours that fall as a part leaves."""
+        others = present & ~(1 << number)
+        return {
+            other
+            for other, touched in self._touched.items()
+            if touched >> number & 1
+            and others >> self._numbers[other] & 1
+            and not self._stays(other, others & self._earlier[other], ground)
+        }
 
     def _list_blockers(self, number: int, name: str) -> list[int]:
         """Return the blockers of a part in each direction that is not downwards."""
@@ -792,8 +904,11 @@ class _Standing:
         """Return the part without which most others are placed; ties go to the lightest."""
         masses = {n: self._product.parts[n].mass_kg for n in list_members(left)}
         tried = sorted(masses, key=lambda n: (masses[n], n))[:_MOST_TRIED]
-        firm = self._firm_bits
+        held, firm = self._held, self._firm_bits
+        if self._more is not None:
+            self._held = {*self._parts}
         rests = {n: self._take_away(left & ~(1 << n) | firm, ground)[1].bit_count() for n in tried}
+        self._held = held
         number = min(tried, key=lambda n: (rests[n], masses[n], n))
         return self._relation.names[number]
 

@@ -62,7 +62,7 @@ def add_turns(
 
     def turn(deferred: Collection[str]) -> Bearing:
         gone = {*absent, *deferred}
-        start = _begin(product, relation, bearing.up, gone, chosen, reasons)
+        start = _begin(product, relation, bearing, gone, chosen, reasons)
         return _add_turns(product, relation, start, absent, chosen)
 
     best = last = turn(deferred := set(later or {}))
@@ -91,7 +91,7 @@ def add_turns(
 def _begin(
     product: Product,
     relation: Relation,
-    up: Vector,
+    given: Bearing,
     gone: Collection[str],
     base: str,
     reasons: Mapping[str, LeftOut],
@@ -105,7 +105,8 @@ def _begin(
     reasons
         Reasons for some of them.
     """
-    start = find_bearing(product, relation, up, gone, holding=True, firm=[base])
+    up, between = given.up, given.between
+    start = find_bearing(product, relation, up, gone, holding=True, between=between, firm=[base])
     left = {**{name: why for name, why in reasons.items() if name in gone}, **start.undriven}
     return Bearing(
         up,
@@ -114,6 +115,7 @@ def _begin(
         {**{n: why for n, why in left.items() if n not in relation.driven}, **start.why_not},
         {name: why for name, why in left.items() if name in relation.driven},
         (base, *start.held),
+        between=between,
     )
 
 
@@ -202,7 +204,14 @@ def _turn(
     if not held or not placed:
         return None
     more = find_bearing(
-        product, relation, up, absent, holding=True, firm=placed, earlier=bearing.ups
+        product,
+        relation,
+        up,
+        absent,
+        holding=True,
+        between=bearing.between,
+        firm=placed,
+        earlier=bearing.ups,
     )
     driven = hold_mates(relation, *bearing.ups, up).driven - {*absent, *more.undriven, *placed}
     turned = dict.fromkeys((*more.order, *sorted(driven, key=relation.index)), up)
@@ -216,6 +225,7 @@ def _turn(
         {name: why for name, why in bearing.undriven.items() if name not in turned},
         (*held, *more.held),
         {**bearing.turned, **turned},
+        bearing.between,
     )
 
 

@@ -34,7 +34,7 @@ from skillplan_cad.writing.task_document import (
     find_indirect_parts,
     list_undriven,
 )
-from skillplan_cad.writing.trial import Failure, TaskTrials, Trial, list_brought
+from skillplan_cad.writing.trial import Failure, TaskTrials, Trial, list_brought, tells_fall
 from skillplan_cad.writing.upright import place_turned, place_upright
 
 # Number of further orientations, which are tried if the arm brings less than a share of the parts.
@@ -139,14 +139,17 @@ def build_task(
     if others is None:
         ups = () if bearing is not None else ATTITUDES.values()
         others = (find_bearing(product, relation, up, absent, holding=holding) for up in ups)
-    first = bearing or find_best_bearing(product, relation, absent, holding=holding)
+    first = plain = bearing or find_best_bearing(product, relation, absent, holding=holding)
+    if holding:
+        base = plan.base if turning else None
+        first = _hold_between(product, relation, plain, absent, base)
     best = build(first, robot)
     most = _weigh(product, best.names)
     enough = _ENOUGH * _weigh(product, _list_promised(relation, first))
     promised_by = [
         (other, _list_promised(relation, other, best))
-        for other in (others if most < enough and not watch.must_stop() else ())
-        if other.up != first.up
+        for other in ((plain, *others) if most < enough and not watch.must_stop() else ())
+        if other.up != plain.up or (other is plain and first.between)
     ]
     promised_by.sort(
         key=lambda pair: -_weigh(product, pair[1] & list_straight(relation, pair[0])),
@@ -179,6 +182,31 @@ def build_task(
     return best
 
 
+def _hold_between(
+    product: Product, relation: Relation, plain: Bearing, absent: Collection[str], base: str | None
+) -> Bearing:
+    """Return a bearing that holds parts in between if it brings more than a plain one.
+
+    It brings more further parts than further supports.
+
+    Parameters
+    ----------
+    base
+        Part by which a workholder turns the product of the plain one; None for no turns.
+    """
+
+    def improves(bearing: Bearing) -> bool:
+        names, known = (list_placed(relation, option, absent) for option in (further, bearing))
+        is_spared = len(names) - len(known) > len(further.held) - len(bearing.held)
+        return is_spared and _weigh(product, names) > _weigh(product, known)
+
+    further = find_bearing(product, relation, plain.up, absent, holding=True, between=True)
+    if not improves(plain):
+        return plain
+    turned = plain if base is None else add_turns(product, relation, plain, absent, base)
+    return further if improves(turned) else plain
+
+
 def _turn_product(
     product: Product,
     relation: Relation,
@@ -198,7 +226,8 @@ def _turn_product(
     robot = task.document["robot"]["model"] if task.document else None
     later = _list_retried(task)
     gone = {*absent, *later}
-    bearing = find_bearing(product, relation, task.bearing.up, gone, holding=True)
+    up, between = task.bearing.up, task.bearing.between
+    bearing = find_bearing(product, relation, up, gone, holding=True, between=between)
     best = task
 
     def improves(names: Set[str], held: Collection[str]) -> bool:
@@ -591,7 +620,8 @@ class _TaskBuilder:
         self._later = waiting | moved
         self._absent = {n: why for n, why in self._absent.items() if n not in self._later}
         gone = {**self._absent, **self._later}
-        bearing = find_bearing(product, relation, up, gone, holding=self._holding)
+        holding, between = self._holding, self._bearing.between
+        bearing = find_bearing(product, relation, up, gone, holding=holding, between=between)
         if self._turning:
             base, absent = self._plan.base, self._absent
             bearing = add_turns(product, relation, bearing, absent, base, self._later, self._early)
@@ -640,7 +670,7 @@ class _TaskBuilder:
         is_hurried = trials.is_hurried
         for task_name, failure in trial.failures.items():
             name = names[task_name]
-            if failure.falls and self._holding and name not in self._bearing.held:
+            if failure.falls and self._can_hold(name):
                 self._falling.append(name)
             elif not self._holds.take_next(name, failure):
                 conflicting = self._take_conflicting(name, task_name, trials)
@@ -653,6 +683,11 @@ class _TaskBuilder:
             name, by = names[task_name], tuple(names[other] for other in conflict.by)
             left_out = LeftOut(name, "no order", conflict.text, by)
             failed = names[conflict.failed]
+            falls = f"'{conflict.failed}' " in conflict.text and tells_fall(conflict.text)
+            if falls and self._can_hold(failed):
+                self._falling.append(failed)
+                trials.forget(conflict.failed)
+                continue
             may_retool = conflict.is_by_hand and not is_hurried
             retooled = may_retool and self._holds.take_next(
                 failed, Failure(conflict.text, is_far=False)
@@ -665,6 +700,9 @@ class _TaskBuilder:
                 reasons |= conflicting or {name: left_out}
         tried = (trial.refusals, trial.failures, trial.untried, trial.conflicts, trial.unordered)
         return reasons if any(tried) else None
+
+    def _can_hold(self, name: str) -> bool:
+        return self._holding and name not in (*self._bearing.held, *self._falling)
 
     def _take_conflicting(
         self, name: str, task_name: str, trials: TaskTrials
