@@ -1,11 +1,11 @@
 """Find an order of all components of a task, one after another, or those that spoil every order.
 
-Parts are placed one after another, in the order of the plan as far as the checks allow. If some of
-them cannot be, the whole is taken apart in thought: a part may be the last one if it can be placed
-with all others there. Parts that are gone are in nobody's way, so no choice of a last part is
-wrong, except where it held another one up: then it comes before that one, and the search starts
-again. Parts none of which can be the last are in no order at all; the one whose absence costs the
-fewest others is left out.
+Parts are placed one after another, in the order of the plan as far as the checks allow, and those
+that fail again while others come in. If some cannot be placed, the whole is taken apart in thought:
+a part may be the last one if it can be placed with all others there. Parts that are gone are in
+nobody's way, so no choice of a last part is wrong, except where it held another one up: then it
+comes before that one, and the search starts again. Parts none of which can be the last are in no
+order at all; the one whose absence costs the fewest others is left out.
 """
 
 from __future__ import annotations
@@ -139,6 +139,11 @@ class _OrderSearch:
                     order = self._take_after_kept(order)
                 order, conflicts = self._follow(order)
                 return Order(tuple(order), self._list_skills(order), conflicts)
+            count = 0
+            while count < len(order) < len(self._alive):
+                # Those that failed may need others that came later, and time may end before proof.
+                count = len(order)
+                order = self._place_all()
             while len(order) < len(self._alive):
                 taken, failed = self._take_apart(self._alive)
                 if len(taken) == len(self._alive):
