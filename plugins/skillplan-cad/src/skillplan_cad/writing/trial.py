@@ -413,9 +413,12 @@ class TaskTrials:
         state = task.initial
         for number, skill in enumerate(skills):
             check = partial(feasibility.verdict, skill, state)
-            verdict = self._watch.attempt(check, _REPLAYED_SHARES[self._is_cut])
             left = {fact: name for name, fact in task.operations.items() if fact not in state}
-            if verdict is None and len(left) == len(task.operations):
+            # A task without a checked order is worth more than few of its parts.
+            is_half = 2 * len(left) <= len(task.operations)
+            share = _REPLAYED_SHARES[self._is_cut or not is_half]
+            verdict = self._watch.attempt(check, share)
+            if verdict is None and not is_half:
                 return Trial(doubt="its paths were not checked in the time")
             if verdict is None:
                 self._is_cut = True
