@@ -407,6 +407,7 @@ def test_of_two_walls_that_leave_no_room_for_fingers_one_is_in_no_order():
 @pytest.mark.parametrize(
     ("width_mm", "height_mm", "closing", "gripper"),
     [
+        (72, 50, ("x", 0.072), "robotiq_2f85"),
         (79, 40, ("x", 0.079), "robotiq_2f85"),
         (110, 20, ("y", 0.1), "robotiq_2f140"),
         (110, 60, ("y", 0.1), "long_jaws"),
@@ -415,7 +416,10 @@ def test_of_two_walls_that_leave_no_room_for_fingers_one_is_in_no_order():
 def test_the_lightest_gripper_of_the_catalogue_holds_what_no_hand_and_no_cup_does(
     width_mm, height_mm, closing, gripper
 ):
-    """A block whose top is a ridge; that of 5.1 kg is beyond the payload of light grippers."""
+    """A block whose top is a ridge; that of 5.1 kg is beyond the payload of light grippers.
+
+    The hand has room for the narrowest one of 3 kg, but not the force.
+    """
     low = box(0, 0, 0, width_mm, 100, height_mm)
     solid = manifold3d.Manifold.batch_hull([low, box(0, 50, 0, width_mm, 51, height_mm + 5)])
     part = part_of("roof", solid)

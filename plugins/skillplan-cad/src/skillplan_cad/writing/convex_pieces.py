@@ -28,8 +28,9 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Normal = tuple[float, float, float]
 
-# Number of pieces after which only gaps in the way of other parts are cut, and limit of all.
-_MOST_PIECES, _MOST_OF_ALL = 160, MAX_PIECES
+# Number of pieces after which only gaps in the way of other parts and of jaws are cut, number after
+# which only gaps in the way of jaws are cut, and limit of all.
+_MOST_PIECES, _MOST_FOR_PARTS, _MOST_OF_ALL = 160, MAX_PIECES - 128, MAX_PIECES
 _TO_MM = 1e3
 # Number of boundary planes of a gap that are tried as cuts.
 _MOST_PLANES = 8
@@ -118,7 +119,10 @@ def decompose_convex(
 
     add(_list_bodies(whole), lane)
     while waiting and len(done) + len(waiting) < _get_most(-waiting[0][0]):
-        *_, (hull, body, gap, room) = heapq.heappop(waiting)
+        excess, _, (hull, body, gap, room) = heapq.heappop(waiting)
+        if room is not None and -excess >= _FIRST and len(done) + len(waiting) >= _MOST_FOR_PARTS:
+            add([body], replace(room, solid=manifold3d.Manifold()))
+            continue
         halves = _cut(hull, body, gap, hollows)
         bodies = [
             own

@@ -72,6 +72,8 @@ they reach down beside walls. Rows as in `jaw_profile_m`. In steel they bend by 
 TIPS_CLEARANCE_M = 1e-3
 """Clearance of the open tips on each side of a part [m]: feeders present small parts closely."""
 
+# Least margin on the force of jaws; see `JawGrasp`.
+_LEAST_MARGIN = 1.5
 # Area of each jaw and distance from the centre of mass of a grasp that comes before a cup [m2, m].
 _GOOD_M2, _NEAR_M = 6e-6, 0.012
 # Least share of the product's mass of a part that stands there from the start, next to the base.
@@ -245,6 +247,7 @@ def list_holds(
     """Yield tools with grasps, the preferred one first; nothing if no tool holds the part.
 
     Jaws from above come first if they meet enough material next to the centre of mass, else cups.
+    Jaws of a hand without a margin of force come last: heavy parts creep between them.
 
     Parameters
     ----------
@@ -255,6 +258,18 @@ def list_holds(
     sunk_m
         Height up to which other parts enclose it at its goal, from its bottom [m].
     """
+    weak: list[Held] = []
+    for held in _search_holds(part, local, centre_m, hand, sunk_m):
+        if held.grip_n and _LEAST_MARGIN * held.grip_n > get_jaws(hand, held.tool)[0].force_n:
+            weak.append(held)
+        else:
+            yield held
+    yield from weak
+
+
+def _search_holds(
+    part: Part, local: Points, centre_m: Floats, hand: Hand, sunk_m: float
+) -> Iterator[Held]:
     finder = GraspFinder(part, local, centre_m)
     above = finder.find_jaw_grasps(hand, (DOWN,), sunk_m)
     is_good = any(grasp.area_m2 >= _GOOD_M2 and grasp.cost <= _NEAR_M for grasp in above)
