@@ -442,7 +442,10 @@ def test_pins_and_pegs_of_real_fits_go_in_and_the_answer_says_with_which_play(
 
 
 def test_a_sleeve_over_a_post_and_blocks_side_by_side_have_play_and_chamfers_in_any_order(tmp_path):
-    """Slivers are thinner than the play, pieces meet at corners, and either block may come last."""
+    """Slivers are thinner than the play, pieces meet at corners, either block may come last.
+
+    A collar keeps its seat.
+    """
     cube, cylinder = manifold3d.Manifold.cube, manifold3d.Manifold.cylinder
     frame = cube((140, 70, 30), True).translate((10, 0, 15))
     frame -= cube((80, 40, 25), True).translate((0, 0, 17.5))
@@ -454,7 +457,15 @@ def test_a_sleeve_over_a_post_and_blocks_side_by_side_have_play_and_chamfers_in_
     solids["sleeve"] = sleeve.translate((62, 0, 30))
     cap = cube((18, 18, 18), True) - cube((18, 6, 6), True) - cube((6, 18, 6), True)
     solids["cap"] = cap.translate((-50, 0, 39)) - square
+    # Its collar rests on a ring narrower than a chamfer.
+    bore = cylinder(24, 3.02, 3.02, 36) + cylinder(9, 3.46, 3.46, 36).translate((0, 0, 20))
+    solids["frame"] -= bore.translate((62, 24, 6))
+    stud = cylinder(20, 3, 3, 36) + cylinder(12, 3.4, 3.4, 36).translate((0, 0, 20))
+    solids["stud"] = stud.translate((62, 24, 6))
     out = import_solids(tmp_path, solids, "--no-nests")
+    corners = trimesh.load(out / "meshes/stud.pieces.obj", force="mesh").vertices * 1e3
+    ring = corners[np.abs(corners[:, 2] - 20) < 0.02]
+    assert np.hypot(ring[:, 0], ring[:, 1]).max() > 3.05
     posts = {
         "sleeve": cylinder(30, 6, 6, 36),
         "cap": cube((6, 6, 18), True).translate((0, 0, 9)),

@@ -131,6 +131,19 @@ def test_a_shank_runs_into_what_is_below_its_part(height_m, is_free, setup):
     assert verdict.is_feasible is is_free, verdict.reason
 
 
+@pytest.mark.slow(reason="an execution")
+def test_walls_of_a_recess_lead_the_head_of_a_screw():
+    """They are as far apart as the head is wide; before, any touch of them was a collision."""
+    content = bridge(0.014)
+    for name, x_m in (("left_cheek", 0.5095), ("right_cheek", 0.5205)):
+        content["fixtures"][name] = {"size_m": [0.004, 0.02, 0.003], "at_m": [x_m, 0.0, 0.038]}
+    task = assembly(content)
+    facts = ("at_start(block)", "placed(plate)", "hand_free", "tool(screwdriver)", "at(home)")
+    state, skill = task.facts.of(*facts, "fixed"), task.skill("fasten(screw)")
+    verdict = make_model(task, BACK_ENDS["mujoco"]).verdict(state, skill)
+    assert verdict.is_feasible, verdict.reason
+
+
 ALL_ROUND = config_content("cell_screws")
 IN_PLACE = [f"placed({name})" for name in ALL_ROUND["parts"]]
 

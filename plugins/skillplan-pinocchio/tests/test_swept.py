@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from concave_shapes import channel_boxes
 from example_count import examples
 from situations import assembly
 from skillplan.model import SkillModel
@@ -91,12 +92,12 @@ class TestReach:
 
 
 class TestHand:
-    def neighbour(self, gap_m, tool=None, **more):
+    def neighbour(self, gap_m, tool=None, width_m=0.03, **more):
         """Return the verdict on a block that is put beside another, so far along the jaws."""
         content = shelf(tools={"gripper": {"holder_m": [0.6, 0.3], **(tool or {})}})
-        # The part is 30 mm wide along the jaws, and so is its neighbour.
-        x_m = 0.5 + 0.03 + gap_m
-        content["parts"]["post"] = block([0.6, -0.25], [x_m, 0.0], [0.03, 0.04, 0.02])
+        # The part is 30 mm wide along the jaws.
+        x_m = 0.5 + 0.015 + gap_m + width_m / 2
+        content["parts"]["post"] = block([0.6, -0.25], [x_m, 0.0], [width_m, 0.04, 0.02])
         content["parts"]["top"]["goal_m"] = [0.5, 0.0]
         del content["parts"]["top"]["goal_on"]
         del content["parts"]["base"]
@@ -118,6 +119,9 @@ class TestHand:
         assert self.neighbour(0.0146, clearance_m=0).is_infeasible
         assert self.neighbour(0.017, clearance_m=0.001).is_feasible
         assert self.neighbour(0.017, {"clearance_m": 0.001}).is_feasible
+        # Jaws that carry are closed, and would be outside of this post if open.
+        verdict = self.neighbour(0.0002, {"clearance_m": 0.001}, width_m=0.0006)
+        assert verdict.evidence["during"] == "the approach"
         verdict = self.neighbour(0.017)
         assert verdict.evidence["during"] == "the retreat"
         assert self.neighbour(0.014).evidence["during"] == "the approach"
@@ -150,6 +154,22 @@ class TestHand:
         assert verdict_in(task, "place(top)", *facts).is_infeasible
         task = regrasped(task, top=Grasp(GraspKind.JAWS, (0.0, 0.0, 0.018), AXES["y"], 0.04))
         assert verdict_in(task, "place(top)", *facts).is_feasible
+
+    def test_jaws_do_not_close_through_another_wall_of_their_part(self, regrasped):
+        """Open, they are beyond it; a single wall is held."""
+        task = regrasped(
+            assembly(shelf()), top=Grasp(GraspKind.JAWS, (0.0015, 0.0, 0.02), AXES["x"], 0.001)
+        )
+        walls = channel_boxes(0.004, 0.04, 0.03, 0.001)
+        for shapes, hits in ((walls, True), (walls[:2], False)):
+            bodies = tuple(
+                replace(body, shapes=shapes) if body.name == "top" else body
+                for body in task.scene.bodies
+            )
+            changed = replace(task, scene=replace(task.scene, bodies=bodies))
+            verdict = verdict_in(changed, "pick(top)", "at_start(top)", "hand_free")
+            assert verdict.is_infeasible is hits
+            assert not hits or verdict.reason.startswith("a finger ")
 
     def test_the_hand_is_wider_than_its_fingers(self):
         """A wall as far as 90 mm away, if it is higher than the fingers are long."""

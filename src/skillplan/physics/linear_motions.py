@@ -483,7 +483,7 @@ def find_opening_m(tool: Tool | None, hand: Hand = STANDARD_HAND) -> float:
 
 
 def choose_opening_m(
-    grasp: Grasp, clearance_m: float, tool: Tool | None, hand: Hand = STANDARD_HAND
+    grasp: Grasp, clearance_m: float | None, tool: Tool | None, hand: Hand = STANDARD_HAND
 ) -> float:
     """Return the opening of the jaws about a part [m]; 0 for suction.
 
@@ -493,10 +493,11 @@ def choose_opening_m(
     ----------
     clearance_m
         Clearance on each side [m], >= 0, unless the tool has its own; limited by the opening.
+        None if the jaws hold the part.
     """
     if grasp.kind is GraspKind.SUCTION:
         return 0.0
-    clearance_m = choose_clearance_m(clearance_m, tool)
+    clearance_m = 0.0 if clearance_m is None else choose_clearance_m(clearance_m, tool)
     if grasp.is_inner:
         return max(grasp.width_m - grasp.inside_m - 2 * clearance_m, 0.0)
     return min(grasp.width_m + 2 * clearance_m, find_opening_m(tool, hand))

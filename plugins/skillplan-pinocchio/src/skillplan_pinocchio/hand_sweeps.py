@@ -23,6 +23,7 @@ from skillplan.task.motion import AXES, Event
 from skillplan.task.pose import Point, Pose, cross, plus
 from skillplan.task.scene import WORLD, Robot, Scene, Tool, ToolKind, name_shank
 from skillplan.task.shape import Cylinder, Mesh, Shape
+from skillplan_pinocchio.holds import NEAR_M
 from skillplan_pinocchio.motion_plan import get_spared_bodies
 from skillplan_pinocchio.shapes import (
     Array,
@@ -252,6 +253,8 @@ class HandSweeps:
     def clash(self, motion: LinearMotion, tolerance_m: float) -> tuple[str, Touch] | None:
         """Return the hand part that collides with the handled body, and the contact, or None.
 
+        Jaws may meet it only where they hold it, not on their way from there or to there.
+
         Parameters
         ----------
         tolerance_m
@@ -262,7 +265,15 @@ class HandSweeps:
             return None
         body = self.scene.body(visit.subject)
         target = Obstacle(body.name, None, make_standing_pieces(body, visit.pose))
-        for part in self._hand(motion, before=visit.event is Event.GRASP):
+        held_m, open_m = (
+            self._choose_opening_m(motion, motion.tool, m) for m in (None, self.clearance_m)
+        )
+        way_m = open_m - held_m
+        near_m = held_m + math.copysign(min(2 * NEAR_M, abs(way_m)), way_m)
+        ends = (self._build(motion.tool, opening_m) for opening_m in (open_m, near_m))
+        for opened, near in zip(*ends, strict=True):
+            corners = map(np.concatenate, zip(opened.corners, near.corners, strict=True))
+            part = HandPart(opened.name, tuple(corners))
             pieces = part.along(motion, motion.grasp_tip)
             sweep = Sweep("", part.name, pieces, _STILL, frozenset())
             touch = sweep.touch(target, tolerance_m, 1)
@@ -320,10 +331,18 @@ class HandSweeps:
         tool = motion.tool if before else find_tool_after(self.robot, motion.visit, motion.tool)
         opening_m = 0.0
         if motion.visit.event in _HANDLING:
-            grasp = choose_visit_grasp(self.scene.body(motion.visit.subject), motion.visit)
             is_open = before is (motion.visit.event is Event.GRASP)
-            clearance_m = self.clearance_m if is_open else 0.0
-            opening_m = choose_opening_m(grasp, clearance_m, tool, self.robot.hand)
+            clearance_m = self.clearance_m if is_open else None
+            opening_m = self._choose_opening_m(motion, tool, clearance_m)
+        return self._build(tool, opening_m)
+
+    def _choose_opening_m(
+        self, motion: LinearMotion, tool: Tool | None, clearance_m: float | None
+    ) -> float:
+        grasp = choose_visit_grasp(self.scene.body(motion.visit.subject), motion.visit)
+        return choose_opening_m(grasp, clearance_m, tool, self.robot.hand)
+
+    def _build(self, tool: Tool | None, opening_m: float) -> tuple[HandPart, ...]:
         key = (None if tool is None else tool.name, opening_m)
         if key not in self._parts:
             self._parts[key] = build_hand_parts(self.robot, tool, opening_m)

@@ -61,8 +61,8 @@ def _describe(body: Body, grasp: Grasp, tool: Tool | None, hand: Hand) -> str | 
     )
 
 
-# Distance from the plane of a jaw or a lip at which a surface still meets it [m].
-_NEAR_M = 5e-4
+NEAR_M = 5e-4
+"""Distance from the plane of a jaw or a lip at which a surface still meets it [m]."""
 # Cells of a jaw's face along each of its sides, and points on the rim of a cup.
 _CELLS, _RIM = 24, 32
 # Distance behind the face at which the rows of a jaw's outline still belong to it [m].
@@ -111,7 +111,7 @@ def _measure_jaw_contact(shapes: Sequence[Shape], grasp: Grasp, hand: Hand) -> t
     areas = []
     for side in (-1.0, 1.0):
         meets = (facing * side * out_sign > 0) & (
-            np.abs(height - side * grasp.width_m / 2) <= _NEAR_M
+            np.abs(height - side * grasp.width_m / 2) <= NEAR_M
         )
         areas.append(len(np.unique(number[meets])) * float(cell.prod()))
     return areas[0], areas[1]

@@ -63,7 +63,7 @@ class PybulletEngine(PerformingEngine):
     """
 
     name = "pybullet"
-    version = "15"
+    version = "16"
     expected_s = 0.6
     contact_detectors = ("contact-pairs", "contact-force")
     stands_exact = True

@@ -23,6 +23,7 @@ from .pictures.annotations import Projection as Projection
 from .pictures.painted_camera import PaintedCamera as PaintedCamera
 from .record import Record as Record
 from .robot_shapes import get_hand as get_hand
+from .round_bodies import undo_spin as undo_spin
 from .simulator import FINGERS as FINGERS
 from .simulator import HAND as HAND
 from .simulator import ROBOT as ROBOT
@@ -74,4 +75,5 @@ __all__ = [
     "get_hand",
     "get_kinematics",
     "make_pose",
+    "undo_spin",
 ]

@@ -41,7 +41,8 @@ class Record:
     moved_m
         Displacement of every body that the skill does not handle [m], shape (frames,).
     final
-        Final pose of every body.
+        Final pose of every body; without the spin of a body of revolution about its axis since its
+        expected pose.
     sensed
         Final sensor values as JSON values: ``tool_attached``, ``coupling_error_m``,
         ``fastening_force_n``, ``insertion_force_n``, ``jaw_width_m``, ``tip_error_m``, as far as

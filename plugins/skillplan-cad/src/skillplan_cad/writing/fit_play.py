@@ -46,6 +46,8 @@ _NEXT_MM = 1e-3
 _INWARD = 0.02
 # Largest share of a piece that a chamfer takes; least share of a thin piece with others behind it.
 _SHARE, _BACKED = 0.25, 0.5
+# Shares of chamfers to try, and least share of its seat that they leave a piece.
+_CHAMFER_SHARES, _SEATED = (1.0, 0.5, 0.25), 0.2
 _DECIMALS = 6
 # Difference between components of directions that are one, and height of a level direction.
 _SAME = _LEVEL = 1e-6
@@ -345,6 +347,8 @@ class _Hull:
         # the other part keeps it.
         self.sides: dict[tuple[float, float, float, float], float] = {}
         self._outline: list[tuple[Floats, float, Points]] | None = None
+        # Films of the parts that the front of the piece rests on.
+        self._seats: list[manifold3d.Manifold] = []
 
     def reach(self, along: Floats) -> float:
         """Return how far the piece reaches in a direction [mm]."""
@@ -371,6 +375,9 @@ class _Hull:
         near = _crop_to_ways(other, [(self, back)])
         if near.is_empty():
             return []
+        if others_along is None:
+            seat = near ^ self._step(self._solid, along)
+            self._seats += [seat] if seat.volume() > _LEAST_MM3 else []
         gaps, shape = [], near.to_mesh64().vert_properties[:, :3]
         # What the front of the piece rests on is not passed.
         backs = np.stack([-_FILM_MM * along, back])[:, None]
@@ -460,7 +467,21 @@ class _Hull:
         return False
 
     def cut(self, along: Floats) -> Mesh | None:
-        """Return the piece with play and chamfers at its noted sides."""
+        """Return the piece with play and chamfers at its noted sides; it keeps its seat."""
+        seats_mm3 = sum(seat.volume() for seat in self._seats)
+        for share in _CHAMFER_SHARES:
+            solid = self._trim(along, share)
+            ahead = self._step(solid, along)
+            if sum((ahead ^ seat).volume() for seat in self._seats) >= _SEATED * seats_mm3:
+                break
+        return None if solid.is_empty() else build_mesh(solid)
+
+    @staticmethod
+    def _step(solid: manifold3d.Manifold, along: Floats) -> manifold3d.Manifold:
+        """Return a solid moved ahead into a film of the part that it rests on."""
+        return solid.translate(tuple((_FILM_MM * along).tolist()))
+
+    def _trim(self, along: Floats, chamfer_share: float) -> manifold3d.Manifold:
         solid = self._solid
         heights = self._points @ along
         front, length = float(heights.max()), float(np.ptp(heights))
@@ -470,10 +491,10 @@ class _Hull:
             width = float(np.ptp(self._points @ normal))
             if side < offset:
                 solid = solid.trim_by_plane((-x, -y, -z), -side)
-            chamfer = min(CHAMFER_M * _TO_MM, _SHARE * min(length, width))
+            chamfer = chamfer_share * min(CHAMFER_M * _TO_MM, _SHARE * min(length, width))
             slope = normal + along
             slope /= np.linalg.norm(slope)
             edge = side * float(normal @ slope) + front * float(along @ slope)
             cosine = float(along @ slope)
             solid = solid.trim_by_plane(tuple((-slope).tolist()), -(edge - chamfer * cosine))
-        return None if solid.is_empty() else build_mesh(solid)
+        return solid

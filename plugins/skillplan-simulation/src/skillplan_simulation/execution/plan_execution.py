@@ -40,6 +40,7 @@ from skillplan_simulation.execution.workcell import SETTLE_S, Workcell
 from skillplan_simulation.kinematics import UnreachableError
 from skillplan_simulation.record import FRAMES_PER_S, Record
 from skillplan_simulation.robot_shapes import get_hand
+from skillplan_simulation.round_bodies import undo_spin
 from skillplan_simulation.simulator import STEPS_PER_S, Arm, UpsetError, World
 from skillplan_simulation.verdicts import (
     Judge,
@@ -591,13 +592,14 @@ class _PlanExecution:
         for name, goal in self.task.scene.at(state).items():
             if name in self.world.numbers and name != held:
                 final: Pose = self.world.pose(name)
+                unspun = undo_spin(self.task.scene.body(name), final, goal)
                 arrivals.append(
                     Arrival(
                         name,
                         goal,
                         final,
-                        measure_offset_m(final, goal),
-                        measure_tilt_rad(final, goal),
+                        measure_offset_m(unspun, goal),
+                        measure_tilt_rad(unspun, goal),
                     )
                 )
         return arrivals

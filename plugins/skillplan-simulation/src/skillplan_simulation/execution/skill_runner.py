@@ -448,7 +448,8 @@ class SkillRunner(ControlledRobot):
             self.log.phase(f"the insertion of {subject}")
             self.log.insert(subject)
         end = plus(motion.tip, self._stops_along(motion), -self._stops_m(motion))
-        guides = self._guides.get(subject) if event is Event.RELEASE else None
+        acts_in_place = event in (Event.RELEASE, Event.DRIVE)
+        guides = self._guides.get(subject) if acts_in_place else None
         if guides is None:
             path_steps += self._move_slowly(stretches[-1][0], end, path, least_times_s[-1])
         else:
@@ -456,6 +457,7 @@ class SkillRunner(ControlledRobot):
         self.sensed["tip_error_m"] = self.arm.tip_error_m()
         self.log.inserted = self.log.guides = None
         begin_steps = self.world.steps - path_steps
+        self.arm.yields = self.arm.yields and event is not Event.DRIVE
         self._act(motion)
         self.arm.yields = False
         acted = self.world.steps - begin_steps
@@ -467,7 +469,7 @@ class SkillRunner(ControlledRobot):
         self.log.phase(f"the retreat from {subject}")
         for point, path in zip(motion.retreat[1:], planned.up, strict=True):
             self.move(point, path)
-        if event in (Event.RELEASE, Event.DRIVE):
+        if acts_in_place:
             self.world.join(subject, self.tools.robot_parts)
 
     def _move_slowly(
@@ -495,7 +497,7 @@ class SkillRunner(ControlledRobot):
         if guides.force_n is not None:
             self.sensed["insertion_limit_n"] = guides.force_n
         if not guides.led:
-            # Until the part is released.
+            # Until the part is released, or the screw driven.
             self.arm.yields = True
             self.move(end, PathSection(path, share, 1.0), _INSERTION_M_PER_S)
             return

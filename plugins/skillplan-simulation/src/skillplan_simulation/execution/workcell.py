@@ -28,6 +28,7 @@ from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import UnreachableError
 from skillplan_simulation.record import Record
 from skillplan_simulation.robot_shapes import get_hand
+from skillplan_simulation.round_bodies import undo_spin
 from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
     STEP_S,
@@ -134,7 +135,7 @@ class GuideSearch:
         """
         guides = {}
         for visit in (motion.visit for motion in motions):
-            if visit.event is not Event.RELEASE:
+            if visit.event not in (Event.RELEASE, Event.DRIVE):
                 continue
             lengths_m = {}
             given = self._bodies[visit.subject].fits if visit.is_fitted else ()
@@ -429,6 +430,10 @@ class Workcell:
         world, log = runner.world, runner.log
         scene = self.task.scene
         known = [name for name in world.bodies if any(b.name == name for b in scene.bodies)]
+        final = {name: world.pose(name) for name in known}
+        expected = self._expected(skill, state, last, known)
+        for name, pose in expected.items():
+            final[name] = undo_spin(scene.body(name), final[name], pose)
         return Record(
             skill.name,
             *basis,
@@ -442,8 +447,8 @@ class Workcell:
             {name: world.mass_kg(name) * GRAVITY_M_PER_S2 for name in known},
             {pair: np.array(values) for pair, values in sorted(log.pairs.items())},
             {name: np.array(values) for name, values in log.moved.items() if name in known},
-            {name: world.pose(name) for name in known},
-            self._expected(skill, state, last, known),
+            final,
+            expected,
             runner.sensed,
             steps=world.steps,
             beside=frozenset(log.beside),
