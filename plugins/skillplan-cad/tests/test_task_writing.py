@@ -123,6 +123,23 @@ def test_pieces_leave_the_counterbore_free_in_which_a_chamfered_head_sinks():
     assert max((hull ^ head).volume() for hull in hulls) < 1e-3
 
 
+def test_pieces_do_not_stand_out_of_the_face_that_a_jaw_presses():
+    """A step of 0.25 mm below the jaw is less than other gaps of pieces may be wide."""
+    solids = {
+        "base": box(0, 0, 0, 60, 60, 10),
+        "wall": box(10, 25, 10, 50, 35, 20) + box(10, 25, 20, 50, 34.75, 60),
+    }
+    task = cad.build_task(*relate(product_of(solids)))
+    grasps, (pieces,) = task.document["parts"]["wall"]["grasp"], task.pieces.pieces["wall"]
+    hulls = [manifold3d.Manifold.hull_points(corners * 1e3) for corners, _ in pieces]
+    across = [grasp for grasp in grasps if grasp["closing_axis"] == "y"]
+    assert across
+    for grasp in across:
+        face_mm = 1e3 * (grasp["at_m"][1] + grasp["width_m"] / 2)
+        jaw = box(-5, face_mm + 0.05, 50 - 1e3 * grasp["depth_m"], 5, 20, 50)
+        assert max((hull ^ jaw).volume() for hull in hulls) < 1e-3
+
+
 def test_a_screw_without_a_head_is_left_out_with_the_reason():
     solids = {
         "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 2, 10),

@@ -20,7 +20,13 @@ from scipy.spatial import ConvexHull, QhullError
 
 from skillplan.domains.assembly import MAX_PIECES
 from skillplan_cad.product import Points, Triangles, make_solid
-from skillplan_cad.writing.lanes import Lane, assign_bodies, measure_depth_mm, measure_thickness
+from skillplan_cad.writing.lanes import (
+    PRESSED_GAP_M,
+    Lane,
+    assign_bodies,
+    measure_depth_mm,
+    measure_thickness,
+)
 
 Mesh = tuple[Points, Triangles]
 Pieces = tuple[Mesh, ...]
@@ -235,16 +241,18 @@ def _find_worst_gap(
     is_free = lane is None or measure_thickness(lane.solid) <= _FILM_MM
     spaces = assign_bodies(nothing if lane is None or is_free else lane.solid, gaps)
     jaws = assign_bodies(nothing if lane is None else lane.jaws, gaps)
-    for gap, space, held in zip(gaps, spaces, jaws, strict=True):
+    layers = assign_bodies(nothing if lane is None else lane.pressed, gaps)
+    for gap, space, *held in zip(gaps, spaces, jaws, layers, strict=True):
         excess = 0.0
         if lane is not None and space:
             reach = lane.measure_reach_mm(gap, space) / _TO_MM / min(lane.allowed_m, allowed_m)
             # No part goes into a hole that is not cut to the end.
             excess = _FIRST * reach if reach > 1 else 0.0
-        if not excess and held:
-            jaw = manifold3d.Manifold.compose(held)
-            reach = 2 * measure_thickness(jaw) / _TO_MM / allowed_m
-            excess = _SECOND * reach if reach > 1 else 0.0
+        for bodies, width_m in zip(held, (allowed_m, min(PRESSED_GAP_M, allowed_m)), strict=True):
+            if excess < _FIRST and bodies:
+                jaw = manifold3d.Manifold.compose(bodies)
+                reach = 2 * measure_thickness(jaw) / _TO_MM / width_m
+                excess = max(excess, _SECOND * reach if reach > 1 else 0.0)
         sides_mm = np.ptp(np.reshape(gap.bounding_box(), (2, 3)), axis=0)
         if max(excess, worst) < float(np.linalg.norm(sides_mm)) / _TO_MM / allowed_m:
             excess = max(excess, _measure_width(gap, hull) / _TO_MM / allowed_m)

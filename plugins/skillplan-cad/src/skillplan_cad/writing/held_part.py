@@ -113,8 +113,8 @@ class Load:
     tip_m: float
 
 
-# Distance that pieces keep from open jaws [m].
-_JAW_ROOM_M = 2.5e-4
+# Distances of pieces from open jaws, and of the space of jaws from the faces that they press [m].
+_JAW_ROOM_M, _FILM_M = 2.5e-4, 2e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +150,10 @@ class Held:
         """True if the hand points down."""
         return not any("approach" in grasp for grasp in self.grasps)
 
-    def list_jaw_spaces(self, hand: Hand, top_m: float) -> list[Points]:
-        """Return boxes around the open jaws of each grasp, which leave a film on the part.
+    def list_jaw_spaces(
+        self, hand: Hand, top_m: float, *, is_pressed: bool = False
+    ) -> list[Points]:
+        """Return boxes around the open jaws of each grasp, or the layers that jaws press.
 
         Parameters
         ----------
@@ -159,6 +161,9 @@ class Held:
             The arm's own hand.
         top_m
             Height of the part above its bottom [m].
+        is_pressed
+            True for the layers between the part and those boxes: a piece that stands out of a face
+            pushes the part aside as the jaws close.
 
         Returns
         -------
@@ -183,6 +188,9 @@ class Held:
                 half_m = max(lower[1], upper[1]) + _JAW_ROOM_M
                 near_m = width_m / 2 + min(lower[2], upper[2]) + 2 * _JAW_ROOM_M
                 far_m = open_m / 2 + max(lower[3], upper[3]) + _JAW_ROOM_M
+                if is_pressed:
+                    half_m -= _JAW_ROOM_M
+                    near_m, far_m = near_m - 2 * _JAW_ROOM_M + _FILM_M, near_m
                 ends = ((-half_m, half_m), (lower[0], upper[0]), (near_m, far_m))
                 corners = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
                 frame = np.stack([np.cross(out, closing), out, closing])

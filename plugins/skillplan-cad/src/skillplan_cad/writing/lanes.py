@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import manifold3d
 import numpy as np
@@ -17,6 +17,8 @@ from skillplan_cad.product import Part, Points, Product, Triangles, make_solid
 from skillplan_cad.relation import Fastener, Relation
 from skillplan_cad.writing.upright import Upright
 
+PRESSED_GAP_M = 5e-5
+"""Allowed width of a gap where jaws press [m]."""
 PLAY_M = 1e-4
 """Smallest clearance that back ends play with, on each side [m]."""
 
@@ -26,6 +28,8 @@ MOST_HOVER_M = 5e-4
 """Greatest height over its seat from which a screw is driven home [m]."""
 
 Floats = NDArray[np.float64]
+# Corners of convex spaces that open jaws take, and of those between them and the part [m].
+JawSpaces = tuple[Sequence[Points], Sequence[Points]]
 # Spaces and their thicknesses in concave parts [mm] by a part, another one, the way in which it
 # comes, its clearance [m], and if it is driven.
 Sweeps = dict[tuple[Part, Part, bytes, float, bool], tuple[manifold3d.Manifold, float]]
@@ -68,6 +72,8 @@ class Lane:
         Space of open jaws in the concave parts, in the frame of the solid [mm].
     narrower
         Space of the parts with smaller clearances, in the whole solid.
+    pressed
+        Space between open jaws and the faces that they press, in the concave parts [mm].
     """
 
     solid: manifold3d.Manifold
@@ -75,20 +81,23 @@ class Lane:
     allowed_m: float
     jaws: manifold3d.Manifold
     narrower: Lane | None = None
+    pressed: manifold3d.Manifold = field(default_factory=manifold3d.Manifold)
 
     def crop(self, hull: manifold3d.Manifold) -> Lane:
         """Return the part of the space in a hull."""
-        solid, jaws = self.solid ^ hull, self.jaws ^ hull
+        solid, jaws, pressed = (own ^ hull for own in (self.solid, self.jaws, self.pressed))
         # Solids that are made when they are asked for would keep all that they are cut from.
-        solid.num_tri(), jaws.num_tri()
-        return replace(self, solid=solid, jaws=jaws)
+        solid.num_tri(), jaws.num_tri(), pressed.num_tri()
+        return replace(self, solid=solid, jaws=jaws, pressed=pressed)
 
     def frees_jaws(self, hulls: Iterable[Points]) -> bool:
         """Return whether convex pieces, given by their corners [m], leave room for the jaws."""
-        return self.jaws.is_empty() or all(
-            2 * measure_thickness(manifold3d.Manifold.hull_points(points * _TO_MM) ^ self.jaws)
-            <= self.allowed_m * _TO_MM
-            for points in hulls
+        spaces = [(self.jaws, self.allowed_m), (self.pressed, PRESSED_GAP_M)]
+        spaces = [(space, width_m) for space, width_m in spaces if not space.is_empty()]
+        return not spaces or all(
+            2 * measure_thickness(hull ^ space) <= width_m * _TO_MM
+            for hull in (manifold3d.Manifold.hull_points(points * _TO_MM) for points in hulls)
+            for space, width_m in spaces
         )
 
     def measure_reach_mm(
@@ -118,7 +127,8 @@ class Lane:
             own.surface_area(), its.surface_area(), rel_tol=_SAME_SIZE
         )
         here, there = (
-            (*lane.solid.bounding_box(), *lane.jaws.bounding_box()) for lane in (self, other)
+            np.ravel([own.bounding_box() for own in (lane.solid, lane.jaws, lane.pressed)])
+            for lane in (self, other)
         )
         is_there = bool(np.allclose(here, there, atol=_SAME_PLACE_MM))
         return is_as_large and is_there and math.isclose(self.clearance_m, other.clearance_m)
@@ -197,7 +207,7 @@ class Lanes:
         }
 
     def find(
-        self, part: Part, vertices_m: Points, triangles: Triangles, jaws: Sequence[Points] = ()
+        self, part: Part, vertices_m: Points, triangles: Triangles, jaws: JawSpaces = ((), ())
     ) -> Lane | None:
         """Return the space of other parts, or None if a mesh leaves them free as its hull.
 
@@ -206,7 +216,7 @@ class Lanes:
         vertices_m
             Upright, relative to the centre of the part's bottom [m].
         jaws
-            Corners of convex spaces that jaws take, in the same frame [m].
+            In the same frame.
         """
         solid = make_solid(vertices_m, triangles)
         concave = solid.hull() - solid
@@ -224,19 +234,24 @@ class Lanes:
                 sweeps.setdefault(clearance_m, []).append(sweep)
         room = rooms[:, 0].min(axis=0), rooms[:, 1].max(axis=0)
         near = [
-            box * _TO_MM
-            for box in jaws
-            if (box.min(axis=0) * _TO_MM < room[1]).all()
-            and (box.max(axis=0) * _TO_MM > room[0]).all()
+            [
+                manifold3d.Manifold.hull_points(box * _TO_MM)
+                for box in boxes
+                if (box.min(axis=0) * _TO_MM < room[1]).all()
+                and (box.max(axis=0) * _TO_MM > room[0]).all()
+            ]
+            for boxes in jaws
         ]
         # Engines let jaws pass where the mesh does.
-        held = _simplify(_unite(list(map(manifold3d.Manifold.hull_points, near))) ^ concave)
-        lane = Lane(manifold3d.Manifold(), 0.0, _CLEARANCE_SHARE * PLAY_M, held)
+        held, pressed = (_simplify(_unite(spaces) ^ concave) for spaces in near)
+        allowed_m = _CLEARANCE_SHARE * PLAY_M
+        lane = Lane(manifold3d.Manifold(), 0.0, allowed_m, held, pressed=pressed)
         for clearance_m in sorted(sweeps):
             space = _simplify(_unite([lane.solid, *sweeps[clearance_m]]) ^ concave)
             narrower = None if lane.solid.is_empty() else lane
             lane = replace(lane, solid=space, clearance_m=clearance_m, narrower=narrower)
-        return None if lane.solid.volume() + held.volume() < _LEAST_MM3 else lane
+        volume_mm3 = lane.solid.volume() + held.volume() + pressed.volume()
+        return None if volume_mm3 < _LEAST_MM3 else lane
 
     def _sweep(
         self,

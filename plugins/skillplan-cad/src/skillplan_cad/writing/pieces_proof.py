@@ -25,7 +25,7 @@ from skillplan_cad.writing.convex_pieces import (
     measure_excess_m,
 )
 from skillplan_cad.writing.fit_play import FitPlay, Loosened, Played
-from skillplan_cad.writing.lanes import Lane, Lanes, Sweeps, measure_thickness
+from skillplan_cad.writing.lanes import JawSpaces, Lane, Lanes, Sweeps, measure_thickness
 from skillplan_cad.writing.upright import Upright
 
 Mesh = tuple[Points, Triangles]
@@ -149,7 +149,7 @@ class PieceProof:
     def prove(
         self,
         meshes: Mapping[str, Sequence[Mesh]],
-        list_jaws: Callable[[], Mapping[str, Sequence[Points]]],
+        list_jaws: Callable[[], Mapping[str, JawSpaces]],
         order: Sequence[str],
     ) -> ProvedPieces:
         """Return the pieces of some parts, without those that are not cut in their share of time.
@@ -174,7 +174,7 @@ class PieceProof:
             if self._watch.must_stop():
                 break
             self._watch.report(f"writing: convex pieces of {name}, {number} of {len(new)} parts")
-            self._cutter.jaws[name] = jaws.get(name, ())
+            self._cutter.jaws[name] = jaws.get(name, ((), ()))
             pieces = self._cut(name, meshes[name], _COARSE_M)
             if pieces is None:
                 break
@@ -427,12 +427,12 @@ class _Cutter:
         self._upright, self._lanes, self._cuts = upright, lanes, cuts
         self._lanes_of: dict[str, list[Lane | None]] = {}
         self.excess_m: dict[str, float] = {}
-        self.jaws: dict[str, Sequence[Points]] = {}
+        self.jaws: dict[str, JawSpaces] = {}
 
     def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
         """Return the pieces of each mesh of a part."""
         if part.name not in self._lanes_of:
-            jaws = self.jaws.get(part.name, ())
+            jaws = self.jaws.get(part.name, ((), ()))
             self._lanes_of[part.name] = [self._lanes.find(part, *mesh, jaws) for mesh in meshes]
         hollows, pieces, excess_m = self._find_hollows(part), [], 0.0
         for mesh, lane in zip(meshes, self._lanes_of[part.name], strict=True):

@@ -59,7 +59,7 @@ from skillplan_cad.writing.held_part import (
     PartHolds,
     equip_hand,
 )
-from skillplan_cad.writing.lanes import LEAST_HEAD_M, MOST_HOVER_M
+from skillplan_cad.writing.lanes import LEAST_HEAD_M, MOST_HOVER_M, JawSpaces
 from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
 from skillplan_cad.writing.upright import (
     Upright,
@@ -1157,27 +1157,31 @@ class TaskWriter:
             nest=self.nest,
         )
 
-    def _list_jaw_spaces(self) -> dict[str, list[Points]]:
+    def _list_jaw_spaces(self) -> dict[str, JawSpaces]:
         """Return the spaces that jaws take at each part, for itself and for later parts.
 
         Those of a tool that is tried later are not known yet.
         """
         order = {name: number for number, name in enumerate(self.bearing.order)}
         own: dict[str, list[Points]] = {}
+        pressed: dict[str, list[Points]] = {}
         bottoms: dict[str, Floats] = {}
         for part in self.gripped:
             upright = self.upright.of(part.name)
             bottoms[part.name] = np.array(upright.bottom(part))
             if part.name not in self.holds.fixed:
                 held, top_m = self.holds.held(part.name), float(upright.size(part)[2])
-                own[part.name] = held.list_jaw_spaces(ARMS[self.robot][1], top_m)
-        spaces = {}
+                hand = ARMS[self.robot][1]
+                own[part.name] = held.list_jaw_spaces(hand, top_m)
+                pressed[part.name] = held.list_jaw_spaces(hand, top_m, is_pressed=True)
+        spaces: dict[str, JawSpaces] = {}
         for name, bottom in bottoms.items():
-            spaces[name] = list(own.get(name, ()))
+            open_jaws = list(own.get(name, ()))
             for other, boxes in own.items():
                 is_later = order.get(other, -1) > order.get(name, -1)
                 if is_later and self.upright.of(other) is self.upright.of(name):
-                    spaces[name] += [box + (bottoms[other] - bottom) for box in boxes]
+                    open_jaws += [box + (bottoms[other] - bottom) for box in boxes]
+            spaces[name] = open_jaws, pressed.get(name, ())
         return spaces
 
     def _add_pieces(
