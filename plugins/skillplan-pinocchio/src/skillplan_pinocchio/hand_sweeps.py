@@ -268,8 +268,9 @@ class HandSweeps:
         held_m, open_m = (
             self._choose_opening_m(motion, motion.tool, m) for m in (None, self.clearance_m)
         )
-        way_m = open_m - held_m
-        near_m = held_m + math.copysign(min(2 * NEAR_M, abs(way_m)), way_m)
+        # In a hole the way counts no further than open: the hull of a jaw flares behind its end.
+        is_outer = held_m < open_m
+        near_m = min(held_m + 2 * NEAR_M, open_m) if is_outer else open_m
         ends = (self._build(motion.tool, opening_m) for opening_m in (open_m, near_m))
         for opened, near in zip(*ends, strict=True):
             corners = map(np.concatenate, zip(opened.corners, near.corners, strict=True))
