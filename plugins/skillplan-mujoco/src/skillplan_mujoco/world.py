@@ -474,8 +474,12 @@ class World(simulator.World):
         mujoco.mju_rotVecQuat(offset, data.xpos[body] - data.xpos[bearing], back)
         mujoco.mju_mulQuat(turn, back, data.xquat[body])
         model.eq_obj1id[bond], model.eq_obj2id[bond] = bearing, body
+        # MuJoCo makes bonds as stiff as the mean of the inverse moments of inertia allows: a rod,
+        # which spins easily, would tilt. This weight is 1 for a ball.
+        inertia_kg_m2 = model.body_inertia[body]
+        weight = math.sqrt((1.0 / inertia_kg_m2).mean() * inertia_kg_m2.max())
         # Anchor on the body, pose of the body in the bearing frame, and weight of rotations.
-        model.eq_data[bond, :11] = (0.0, 0.0, 0.0, *offset, *turn, 1.0)
+        model.eq_data[bond, :11] = (0.0, 0.0, 0.0, *offset, *turn, weight)
         data.eq_active[bond] = 1
         return int(bond)
 
