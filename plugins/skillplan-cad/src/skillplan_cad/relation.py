@@ -213,7 +213,7 @@ class Fastener:
         return np.asarray(np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1))
 
     def is_headless(self, points_m: Points) -> bool:
-        """Return whether it is a screw whose vertices reach no wider than its shank."""
+        """Return whether it is a screw that is nowhere wider than its shank, give or take 15 %."""
         widest_m = float(self.list_radii_m(points_m).max())
         return self.kind == "screw" and widest_m <= _HEADLESS * self.diameter_m / 2
 

@@ -101,9 +101,7 @@ def build_hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple
             # Its jaws may be anywhere between open and closed.
             alone = replace(robot, tools=(other,))
             ends = (build_hand_parts(alone, other, m) for m in (alone.hand_of(other).opening_m, 0))
-            for opened, closed in zip(*ends, strict=True):
-                hulls = zip(opened.corners, closed.corners, strict=True)
-                parts.append(HandPart(opened.name, tuple(map(np.concatenate, hulls))))
+            parts += _span(*ends)
         return tuple(parts)
     hand = robot.hand_of(tool)
     if tool is None or tool.kind is ToolKind.GRIPPER:
@@ -120,6 +118,13 @@ def build_hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple
         return (HandPart(tool.name, tuple(placed)),)
     ends_at = np.array([0.0, 0.0, -tool.beyond_m])
     return (HandPart(tool.name, tuple(_get_corners(shape) + ends_at for shape in shapes)),)
+
+
+def _span(opened: Sequence[HandPart], closed: Sequence[HandPart]) -> Iterator[HandPart]:
+    """Yield the parts of a hand with all places of its jaws between two openings."""
+    for open_part, part in zip(opened, closed, strict=True):
+        hulls = zip(open_part.corners, part.corners, strict=True)
+        yield part if part is open_part else HandPart(part.name, tuple(map(np.concatenate, hulls)))
 
 
 def _make_body(hand: Hand) -> tuple[Array, ...]:
@@ -272,9 +277,7 @@ class HandSweeps:
         is_outer = held_m < open_m
         near_m = min(held_m + 2 * NEAR_M, open_m) if is_outer else open_m
         ends = (self._build(motion.tool, opening_m) for opening_m in (open_m, near_m))
-        for opened, near in zip(*ends, strict=True):
-            corners = map(np.concatenate, zip(opened.corners, near.corners, strict=True))
-            part = HandPart(opened.name, tuple(corners))
+        for part in _span(*ends):
             pieces = part.along(motion, motion.grasp_tip)
             sweep = Sweep("", part.name, pieces, _STILL, frozenset())
             touch = sweep.touch(target, tolerance_m, 1)

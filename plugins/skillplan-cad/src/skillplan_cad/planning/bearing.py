@@ -828,7 +828,7 @@ class _Standing:
     def _find_least_bearing(self, present: int, ground: float) -> int | None:
         """Return the part that can leave without which fewest fall; ties go to the highest.
 
-        None of these may hang in the air then, with no part beside it that leads to the table.
+        Contacts must still connect the falling parts to the table: supports hold no loose part.
         """
         falling = {
             number: self._list_falling(number, present, ground)
@@ -871,7 +871,7 @@ class _Standing:
         return can_leave and not self._list_falling(number, present, ground)
 
     def _can_leave(self, number: int, present: int) -> bool:
-        """Return whether a part can leave upwards or sideways, past others and their screws."""
+        """Return whether a part can leave upwards or sideways: no part or screw is in its way."""
         name, others = self._relation.names[number], present & ~(1 << number)
         joined = name in self._parts and any(
             name in joins and others >> self._numbers[screw] & 1

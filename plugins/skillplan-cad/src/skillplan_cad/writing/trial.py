@@ -585,5 +585,5 @@ def _describe(verdict: Verdict, kind: str, name: str) -> Failure:
 
 
 def tells_fall(text: str) -> bool:
-    """Return whether a part does not stay where it is put, whichever way brings it."""
+    """Return whether all reasons in a text, separated by semicolons, are that a part falls."""
     return all(any(words in clause for words in _FALLS) for clause in text.split("; "))
