@@ -594,7 +594,8 @@ class _WorkerPool:
             content = content.answer
         if isinstance(content, GroupReport):
             self._on_report(content)
-            done = self._stop_s is not None or _is_over(content, assigned.job)
+            # Asked again: the stop may have come with this report.
+            done = self._stopped() or _is_over(content, assigned.job)
             assigned.order = "conclude" if done else "advance"
             worker.take(assigned.order)
             return None
