@@ -602,8 +602,8 @@ def analyse_units(
             findings = analyse(settings)
             continue
         closing = find_closing(product, locked)
-        pairs = [side.strip() for pair in settings.press_fit for side in pair.split(",")]
-        if closing is None or any(fits_pattern(closing, side) for side in pairs):
+        pressed = [side for sides in settings.press_fit_sides for side in sides]
+        if closing is None or any(fits_pattern(closing, side) for side in pressed):
             break
         split = replace(settings, split_parts=(*settings.split_parts, closing))
         apart = analyse(split)
@@ -622,9 +622,7 @@ def _is_named(unit: Sequence[str], settings: ImportSettings) -> bool:
     def has(pattern: str) -> bool:
         return any(fits_pattern(name, pattern) for name in unit)
 
-    is_within = any(
-        all(has(side.strip()) for side in pair.split(",")) for pair in settings.press_fit
-    )
+    is_within = any(all(map(has, sides)) for sides in settings.press_fit_sides)
     return settings.base in unit or is_within or any(map(has, patterns))
 
 

@@ -113,8 +113,8 @@ class ImportSettings:
                 raise OptionError(
                     f"{option} {value:g}: must be from {_LEAST_MM} to {_MOST_MM:g} mm."
                 )
-        for pair in self.press_fit:
-            if len([name for name in pair.split(",") if name.strip()]) != 2:
+        for pair, sides in zip(self.press_fit, self.press_fit_sides, strict=True):
+            if len(sides) != 2:
                 raise OptionError(f"--press-fit {pair}: give two part names, as A,B.")
         if self.robot not in (arms := (AUTO_ARM, *ARMS)):
             raise OptionError(
@@ -129,6 +129,13 @@ class ImportSettings:
                 f"{STEEL_KG_M3:g}."
             )
 
+    @property
+    def press_fit_sides(self) -> list[list[str]]:
+        """Name patterns of both sides of each press fit."""
+        return [
+            [side.strip() for side in pair.split(",") if side.strip()] for pair in self.press_fit
+        ]
+
     def resolve_fits(self, names: Sequence[str]) -> FitOptions:
         """Return the options of fits for the parts of a product.
 
@@ -138,13 +145,13 @@ class ImportSettings:
             If a pair names a part that is missing.
         """
         pairs: list[tuple[str, str]] = []
-        for pair in self.press_fit:
+        for patterns in self.press_fit_sides:
             sides = []
-            for pattern in (name.strip() for name in pair.split(",")):
+            for pattern in patterns:
                 sides.append([name for name in names if fits_pattern(name, pattern)])
                 if not sides[-1]:
                     raise OptionError(
-                        f"--press-fit {pair}: there is no part {pattern}. "
+                        f"--press-fit {','.join(patterns)}: there is no part {pattern}. "
                         f"{name_hint(pattern, names)}"
                     )
             pairs += [(first, second) for first, second in product(*sides) if first != second]
