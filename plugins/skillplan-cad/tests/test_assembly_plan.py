@@ -62,6 +62,30 @@ def test_without_a_stuck_part_the_others_come_together():
     assert (reason.kind, reason.by) == ("stuck", ("body",))
 
 
+def test_a_plate_that_locks_several_pins_is_left_out_rather_than_the_pins():
+    """They leave the base as one; each headed pin is caught in the heavier plate."""
+    heads = [box(x, 4, 4, x + 4, 8, 8) + box(x + 1, 5, 2, x + 3, 7, 4) for x in (4, 14, 24)]
+    pins = {
+        name: pin + box(*at)
+        for name, pin, at in zip(
+            "abc", heads, [(x, 4, 0, x + 4, 8, 2) for x in (4, 14, 24)], strict=True
+        )
+    }
+    plate = box(0, 0, 2, 32, 12, 4)
+    for x in (4, 14, 24):
+        plate -= box(x + 1, 5, 2, x + 3, 7, 4)
+    solids = {"base": box(0, 0, -20, 32, 12, 0), "plate": plate, **pins}
+    caught = {"plate": "a b c", "a": "plate", "b": "plate", "c": "plate"}
+    blocked = {"+x": caught, "+y": caught, "+z": {**caught, "base": "plate a b c"}}
+    touches = ["base a", "base b", "base c", "plate a", "plate b", "plate c"]
+    masses = {"base": 1.0, "plate": 0.1, "a": 0.01, "b": 0.01, "c": 0.01}
+    product = cad.Product("caught", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
+    relation = relation_by_hand(solids, blocked, touches, masses)
+    plan = cad.Planner(product, relation, budget=40).plan("base")
+    assert plan.withdrawn == ("plate",)
+    assert {name for step in plan.steps for name in step.parts} == {"a", "b", "c"}
+
+
 def test_when_time_is_over_no_path_is_searched_and_what_needs_one_is_left_out():
     product, relation = keyed(TUNNEL - box(25, 5, 3, 35, 40, 9))
     plan = cad.Planner(product, relation, watch=cad.Watch(must_stop=lambda share: True)).plan()

@@ -743,7 +743,7 @@ def test_the_task_is_of_the_arm_that_was_asked_for(screwed, screwed_task):
     assert all(math.hypot(*place) < 0.85 for place in starts)
 
 
-def test_the_arm_is_the_default_one_or_the_weakest_that_carries_and_reaches_most(eight):
+def test_the_arm_is_the_default_one_or_the_smallest_that_carries_and_reaches_most(eight):
     parts = eight[0].parts
     wide = part_of("plate", box(0, 0, 0, 600, 400, 5))
     high = part_of("mast", box(0, 0, 0, 20, 20, 600))

@@ -20,10 +20,10 @@ parts:
   lid: {tool: gripper, mass_kg: 0.05, size_m: [0.05, 0.05, 0.03], start_m: [0.43, -0.01],
     goal_m: [0.42, 0.11], goal_on: base}
 """
-BACK_M = {"m710ic_50": -0.5}
+BACK_M = {"m710ic_45m": -0.5, "m710ic_50": -0.5}
 CONTACTS = ("contact-pairs",)
 # Each has joints and shapes of the same kind as another arm.
-SIBLINGS = ("fr3", "iiwa14", "m710ic_50", "ur10e", "ur20", "ur30", "ur3e", "xarm7")
+SIBLINGS = ("fr3", "iiwa14", "m710ic_45m", "m710ic_50", "ur10e", "ur20", "ur30", "ur3e", "xarm7")
 
 
 def cases(left_to_releases=()):

@@ -453,10 +453,23 @@ class Planner:
         first = next(list_members(moved))
         single = Removal(first, direction, above, GRIPPER, above != up, True, False, True)
         work.removed.append((moved, single, present, base))
-        masses = {n: self._product.parts[n].mass_kg for n in list_members(moved)}
-        inner = max(masses, key=lambda n: (masses[n], -n))
+        inner = self._choose_inner_base(work.precedence, moved)
         work.subassemblies.append((inner, moved))
         self._take_apart(work, moved, inner, above)
+
+    def _choose_inner_base(self, precedence: Precedence, parts: int) -> int:
+        """Return the heaviest part, or the next if the others come apart better without it."""
+        masses = {n: self._product.parts[n].mass_kg for n in list_members(parts)}
+        first, second = sorted(masses, key=lambda n: (-masses[n], n))[:2]
+        locked = precedence.find_core(parts, 1 << first)
+        if locked == 1 << first:
+            return first
+        least = min(
+            precedence.find_core(parts & ~(1 << n), 1 << first).bit_count()
+            for n in list_members(locked & ~(1 << first))
+        )
+        without = precedence.find_core(parts & ~(1 << first), 1 << second).bit_count()
+        return second if without < least else first
 
     def _find_path(self, work: _Work, present: int, base: int) -> bool:
         """Search a path for one of the remaining parts, the smallest first."""

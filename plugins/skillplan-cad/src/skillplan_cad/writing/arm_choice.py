@@ -22,10 +22,12 @@ from skillplan_cad.writing.upright import compute_rotation_to_z, place_upright
 AUTO_ARM = "auto"
 # Cosine of the axis of a screw and the direction away from the arm.
 _TOWARDS = 0.7
+# Reach beyond which an arm comes after all others: its cell is large.
+_LONG_REACH_M = 2.5
 
 
 def choose_arm(parts: Sequence[Part], up: Vector, loads: Mapping[str, Load] | None = None) -> str:
-    """Return the arm that carries and reaches most parts: the default one, or the weakest.
+    """Return the arm that carries and reaches most parts: the default one, or the smallest.
 
     Parameters
     ----------
@@ -37,7 +39,7 @@ def choose_arm(parts: Sequence[Part], up: Vector, loads: Mapping[str, Load] | No
         Parts with the tools that hold them; default: with the arm's hand, at their tops.
     """
     names = assign_task_names(part.name for part in parts)
-    others = sorted(set(ARMS) - {DEFAULT_ARM}, key=lambda arm: (get_payload_kg(arm), arm))
+    others = sorted(set(ARMS) - {DEFAULT_ARM}, key=_rank_size)
     hand_kg = ARMS[DEFAULT_ARM][1].mass_kg
     upright = place_upright(parts, up, (0.0, 0.0))
     load_of = {
@@ -62,11 +64,15 @@ def choose_arm(parts: Sequence[Part], up: Vector, loads: Mapping[str, Load] | No
     return best
 
 
+def _rank_size(arm: str) -> tuple[bool, float, str]:
+    return ARMS[arm][0].works_within_m > _LONG_REACH_M, get_payload_kg(arm), arm
+
+
 def find_longer_arm(arm: str, loads: Iterable[Load]) -> str | None:
     """Return an arm that reaches farther and carries what another one does, or None."""
     masses_kg = [load.mass_kg for load in loads]
     least_kg = max((kg for kg in masses_kg if kg <= get_payload_kg(arm)), default=0.0)
-    for other in sorted(ARMS, key=lambda name: (name != LONG_ARM, get_payload_kg(name), name)):
+    for other in sorted(ARMS, key=lambda name: (name != LONG_ARM, *_rank_size(name))):
         is_longer = ARMS[other][0].works_within_m > ARMS[arm][0].works_within_m
         if is_longer and get_payload_kg(other) >= least_kg:
             return other
