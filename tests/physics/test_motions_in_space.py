@@ -150,6 +150,20 @@ def test_jaws_that_held_a_wall_of_a_frame_go_back_as_they_point():
         assert (motion.retreat[1][:2] == motion.tip[:2]) != goes_back
 
 
+def test_a_cup_before_a_wall_of_its_part_goes_up():
+    """Else it would push the part out again."""
+    bar = {key: value for key, value in BAR["parts"]["bar"].items() if key != "size_m"}
+    foot = {"size_m": [0.06, 0.06, 0.01], "centre_m": [0.0, 0.0, 0.005]}
+    for x_m, goes_back in ((0.025, False), (-0.025, True)):
+        wall = {"size_m": [0.01, 0.06, 0.05], "centre_m": [x_m, 0.0, 0.035]}
+        bracket = {**BAR, "parts": {"bar": {**bar, "boxes": [foot, wall]}}}
+        cup = Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.01), AXES["y"])
+        sideways = place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08, grasp=cup)
+        motion = motion_of(sideways, board=bracket)
+        assert (motion.retreat[1] == motion.approach[1]) == goes_back
+        assert (motion.retreat[1][:2] == motion.tip[:2]) != goes_back
+
+
 directions = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 0.2)).filter(
     lambda v: math.hypot(*v) > 0.1
 )

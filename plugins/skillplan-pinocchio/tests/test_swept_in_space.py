@@ -83,6 +83,21 @@ def test_a_drawer_is_pushed_in_from_the_side():
     assert verdict_on(task_with(), "place(drawer)", *PLACED).is_feasible
 
 
+def test_a_hand_does_not_go_back_through_a_wall_of_the_part_that_it_let_go():
+    boxes = [
+        {"size_m": [0.12, 0.03, 0.02], "centre_m": [0.0, 0.0, 0.01]},
+        {"size_m": [0.01, 0.03, 0.1], "centre_m": [0.055, 0.0, 0.05]},
+    ]
+    grasp = {"type": "jaws", "closing_axis": "y", "at_m": [-0.02, 0.0], "depth_m": 0.09}
+    for along, passes in ((1, True), (-1, False)):
+        part = {"tool": "gripper", "boxes": boxes, "grasp": grasp, "feeder": "tray"}
+        part |= {"goal_m": [0.45, 0.0], "insert_along": [along, 0, 0], "insert_m": 0.1}
+        task = task_with(drawer=part)
+        verdict = verdict_on(task, "place(drawer)", *PLACED)
+        assert verdict.is_feasible is passes
+        assert passes or verdict.reason == "the hand runs into drawer on the retreat"
+
+
 @pytest.mark.slow(reason="a scene more; the drawer itself in every run")
 def test_what_stands_where_the_drawer_goes_in_blocks_the_insertion():
     """Straight down beside it, it would have passed."""

@@ -265,7 +265,7 @@ def _find_stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
         return none, none
     length_m = visit.insert_m or _measure_extent_m(scene, visit, visit.along) + _STANDOFF_M
     into = plus(none, visit.along, length_m)
-    if grasp is not None and scene.body(visit.subject).keeps_jaws(visit, grasp):
+    if grasp is not None and scene.body(visit.subject).is_left_straight(visit, grasp):
         return into, plus(none, points, -freed_m)
     return into, plus(none, visit.along, -length_m)
 

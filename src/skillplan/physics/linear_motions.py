@@ -425,7 +425,7 @@ def _plan_stretches(
     downwards = is_same_direction(visit.along, DOWN)
     length_m = visit.insert_m or free_m
     inserted = (tip,) if downwards else (tip, plus(tip, visit.along, -length_m))
-    return inserted, (freed if body.keeps_jaws(visit, grasp) else inserted)
+    return inserted, (freed if body.is_left_straight(visit, grasp) else inserted)
 
 
 def _find_hand_directions(visit: Visit, grasp: Grasp | None) -> tuple[Point, Point]:

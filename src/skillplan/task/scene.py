@@ -243,15 +243,15 @@ class Body:
         """Height of the top above the origin [m]."""
         return max(box.centre[2] + box.size[2] / 2 for box in self.boxes)
 
-    def keeps_jaws(self, visit: Visit, grasp: Grasp) -> bool:
-        """Return whether jaws cannot go back along the insertion that they made.
+    def is_left_straight(self, visit: Visit, grasp: Grasp) -> bool:
+        """Return whether a hand leaves against the direction it points, not back as it came in.
 
-        The body is between them if they close along it, or one of them is inside a frame. On the
-        pick they came past it in the direction they point.
+        Jaws do if the body is between them as they close along the insertion, or if one of them is
+        inside a frame: on the pick they came past it in the direction they point. A cup does if a
+        wall of the body rises behind it.
         """
-        if grasp.kind is not GraspKind.JAWS:
-            return False
-        if abs(dot(visit.along, visit.pose.rotate(grasp.closing))) > 1e-6:
+        is_cup = grasp.kind is GraspKind.SUCTION
+        if not is_cup and abs(dot(visit.along, visit.pose.rotate(grasp.closing))) > 1e-6:
             return True
         back = visit.pose.inverse().rotate(plus((0.0, 0.0, 0.0), visit.along, -1.0))
         out = plus((0.0, 0.0, 0.0), grasp.approach, -1.0)
@@ -267,6 +267,8 @@ class Body:
             )
             if min(behind_m + long_m, above_m + high_m) < _WALL_M:
                 continue
+            if is_cup:
+                return True
             if grasp.is_inner:
                 if abs(across_m) - wide_m < grasp.width_m / 2 - _WALL_M:
                     return True

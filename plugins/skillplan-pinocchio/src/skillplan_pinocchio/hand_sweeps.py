@@ -20,7 +20,7 @@ from skillplan.physics.linear_motions import (
 )
 from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import AXES, Event
-from skillplan.task.pose import Point, Pose, cross, plus
+from skillplan.task.pose import Point, Pose, cross, is_same_direction, plus, unit
 from skillplan.task.scene import WORLD, Robot, Scene, Tool, ToolKind, name_shank
 from skillplan.task.shape import Cylinder, Mesh, Shape
 from skillplan_pinocchio.holds import NEAR_M
@@ -255,10 +255,11 @@ class HandSweeps:
         holders = self.scene.holders
         return any(item.kind == "hold" and visit.subject in item.facts for item in holders)
 
-    def clash(self, motion: LinearMotion, tolerance_m: float) -> tuple[str, Touch] | None:
-        """Return the hand part that collides with the handled body, and the contact, or None.
+    def clash(self, motion: LinearMotion, tolerance_m: float) -> tuple[str, str, Touch] | None:
+        """Return the hand part that collides with the handled body, when, and the contact, or None.
 
-        Jaws may meet it only where they hold it, not on their way from there or to there.
+        Jaws may meet it only where they hold it, not on their way from there or to there. A hand
+        that goes back as it came in, past the body that it let go, may meet it there.
 
         Parameters
         ----------
@@ -282,7 +283,16 @@ class HandSweeps:
             sweep = Sweep("", part.name, pieces, _STILL, frozenset())
             touch = sweep.touch(target, tolerance_m, 1)
             if touch is not None:
-                return part.name, touch
+                return part.name, "the approach", touch
+        begin, end = motion.retreat[:2]
+        by = _subtract(begin, end)
+        is_straight = is_same_direction(unit(_subtract(end, begin)), motion.points)
+        if visit.event is Event.GRASP or is_straight:
+            return None
+        for sweep in self._hands("the retreat", motion, begin, by, after=True):
+            touch = sweep.touch(target, tolerance_m, 1)
+            if touch is not None:
+                return sweep.mover, sweep.label, touch
         return None
 
     def _swept(

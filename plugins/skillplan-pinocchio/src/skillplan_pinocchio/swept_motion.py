@@ -232,8 +232,8 @@ class SweptMotionBuilder:
     def _clash(self, motion: LinearMotion) -> Iterator[Collision]:
         clash = self.sweeps.clash(motion, self.planner.tolerance_m)
         if clash is not None:
-            mover, touch = clash
-            yield make_collision(None, mover, motion.visit.subject, "the approach", touch)
+            mover, label, touch = clash
+            yield make_collision(None, mover, motion.visit.subject, label, touch)
 
     def _links(self, planned: ArmMotion, number: int) -> Iterator[ElbowChoice]:
         paths = tuple(_collect_elbow_collisions(elbow, "the approach") for elbow in planned.elbows)
