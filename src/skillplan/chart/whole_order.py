@@ -127,6 +127,11 @@ class _OrderSearch:
         # Parts that go in before a part: those that its skills require, and those learned.
         self._before = {name: set(self._list_required(name)) for name in task.operations}
         self._most = feasibility.checks + _CHECKS_A_PART * len(self._alive)
+        self._bits = {name: 1 << number for number, name in enumerate(task.operations)}
+        # By part: placed parts and missing parts that a verdict rests on, and a refusal or None.
+        self._decided: dict[str, list[tuple[int, int, Verdict | None]]] = {
+            name: [] for name in task.operations
+        }
         self._longest: list[str] = []
 
     def run(self, *, may_drop: bool) -> Order:
@@ -269,6 +274,11 @@ class _OrderSearch:
 
     def _find_failure(self, name: str, done: Collection[str]) -> Verdict | None:
         """Return the verdict that refuses a part once exactly some others are placed, or None."""
+        placed = sum(self._bits[other] for other in done)
+        for there, gone, refusal in self._decided[name]:
+            if not (there & ~placed or gone & placed):
+                return refusal
+        met: set[str] = set()
         for skill in self._chains[name]:
             if self._must_stop() or self._feasibility.checks > self._most:
                 raise _Spent
@@ -277,8 +287,16 @@ class _OrderSearch:
                 state, _ = self._hypothetical.reach(state, fact)
             verdict = self._feasibility.verdict(skill, state)
             if not verdict.is_feasible:
+                self._keep(name, placed, self._hypothetical.components(verdict), verdict)
                 return verdict
+            met |= self._hypothetical.components(verdict)
+        self._keep(name, placed, met, None)
         return None
+
+    def _keep(self, name: str, placed: int, met: Iterable[str], refusal: Verdict | None) -> None:
+        """Keep a verdict with the parts that it rests on: the places of others change nothing."""
+        basis = sum(self._bits[other] for other in met if other != name)
+        self._decided[name].append((basis & placed, basis & ~placed, refusal))
 
     def _learn(self, taken: Sequence[str], failed: Mapping[str, Verdict]) -> bool:
         """Put parts that were taken away before those that they held up."""

@@ -134,6 +134,8 @@ FURTHER_HOLDERS: tuple[Place, ...] = (
     *((0.20, -0.50), (0.28, -0.50), (0.36, -0.50)),
     *((0.12, -0.50), (0.04, -0.50), (-0.04, -0.50)),
 )
+# Least distance of a holder from an arm that reaches down that near [m].
+_LEAST_HOLDER_M = 0.5
 # Place of the tip at the start, as a share of the arm's reach; and the least of it [m].
 _HOME, _HOME_M = 0.3, 0.35
 # Arms whose elbow does not bend far enough to stand that near above the table [m].
@@ -233,9 +235,7 @@ def lay_out_table(
         Centre of the product, if it stays where it is.
     """
     known = kept or {}
-    reach_m = ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
-    nearest = max(_NEAREST_DOWN_M.get(robot, _NEAREST_M), _NEAREST * reach_m)
-    farthest = _FARTHEST * reach_m
+    nearest, farthest = _find_range_m(robot)
     goal = product_m or _choose_goal(product_size_m, nearest, farthest)
     half = (product_size_m[0] / 2, product_size_m[1] / 2)
     taken = [_Taken(goal, half, _BESIDE_PRODUCT_M)]
@@ -259,6 +259,19 @@ def lay_out_table(
         places[item.name] = spot
         taken.append(_Taken(spot, size, room))
     return Tray(goal, places, tuple(sorted(without)))
+
+
+def _find_range_m(robot: str) -> tuple[float, float]:
+    """Return the nearest and the farthest distance at which an arm works downwards [m]."""
+    reach_m = ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
+    nearest_m = max(_NEAREST_DOWN_M.get(robot, _NEAREST_M), _NEAREST * reach_m)
+    return nearest_m, _FARTHEST * reach_m
+
+
+def _place_holder(place: Place, robot: str) -> Place:
+    """Return the place of a holder, farther out for an arm that does not reach down so near."""
+    share = max(1.0, _find_range_m(robot)[0] / _LEAST_HOLDER_M)
+    return round(share * place[0], 3), round(share * place[1], 3)
 
 
 def _reserve_holder(place: Place) -> _Taken:
@@ -387,7 +400,8 @@ def build_tool_entries(
     """
     hand = ARMS[robot][1]
     tools: dict[str, Any] = {}
-    for name, holder in _HOLDER_OF.items():
+    for name, place in _HOLDER_OF.items():
+        holder = _place_holder(place, robot)
         if not any(entry.get("tool") == name for entry in entries):
             continue
         if name in GRIPPERS:
@@ -566,7 +580,7 @@ def lay_out_parts(
             item = items.get(name, Item(name, (x, y, z)))
             items[name] = replace(item, is_raised=item.is_raised or part.name in presented)
     further = {_HOLDER_OF[tool] for tool in tools}.difference(HOLDERS)
-    holders = (*HOLDERS, *sorted(further))
+    holders = tuple(_place_holder(place, robot) for place in (*HOLDERS, *sorted(further)))
     raised = frozenset(name for name, item in items.items() if item.is_raised)
     if before is not None and _still_stands(parts, gripped, upright, items, holders, before):
         tray = _keep_places(parts, [*items.values()], robot, holders, before)

@@ -100,8 +100,9 @@ class Trial:
         Skills that bring everything in the order that was found; empty if none was.
     doubt
         Reason why the order is not sure; empty without one.
-    is_refuted
-        True if an order was found that a check with all paths refused.
+    is_misled
+        True if a skill of the order that was found fails without paths, too, so kept verdicts
+        do not hold.
     """
 
     refusals: Mapping[str, str] = field(default_factory=dict)
@@ -111,7 +112,7 @@ class Trial:
     conflicts: Mapping[str, Conflict] = field(default_factory=dict)
     skills: tuple[str, ...] = ()
     doubt: str = ""
-    is_refuted: bool = False
+    is_misled: bool = False
 
 
 class TaskTrials:
@@ -227,7 +228,7 @@ class TaskTrials:
             if faults:
                 return Trial(faults)
             trial = self._find_order(task, config, feasibility, order, known)
-            if trial.is_refuted and not self._is_sure and not self._watch.must_stop():
+            if trial.is_misled and not self._watch.must_stop():
                 feasibility.close()
                 feasibility, self._is_sure = make_feasibility(task, _WITHOUT_TRAVELS), True
                 trial = self._find_order(task, config, feasibility, order, known)
@@ -430,9 +431,19 @@ class TaskTrials:
                     return None
                 words = f"fails in the order that was found: {skill.kind}: {verdict.reason}"
                 conflict = Conflict(words, (), failed, is_by_hand=False)
-                return Trial(conflicts={failed: conflict}, is_refuted=True)
+                is_misled = not self._is_sure and not _is_feasible_anew(skill, state, task)
+                return Trial(conflicts={failed: conflict}, is_misled=is_misled)
             state = skill.prediction_in(state).apply(state)
         return None
+
+
+def _is_feasible_anew(skill: Skill, state: State, task: Task) -> bool:
+    """Return whether a skill is feasible without paths, whatever verdicts were kept."""
+    feasibility = make_feasibility(task, _WITHOUT_TRAVELS)
+    try:
+        return feasibility.verdict(skill, state).is_feasible
+    finally:
+        feasibility.close()
 
 
 def list_brought(skills: Iterable[str]) -> list[str]:
