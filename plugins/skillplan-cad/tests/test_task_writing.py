@@ -734,6 +734,17 @@ def test_what_finds_no_place_is_named():
     assert cad.lay_out_table((0.12, 0.10, 0.05), items, "panda").without
 
 
+def test_tools_of_a_large_arm_stand_where_it_reaches_down():
+    """Its elbow does not bend far enough for holders half a metre before it."""
+    entry = {"tool": "gripper"}
+    for arm, least_m in (("panda", 0.5), ("m710ic_45m", 0.65)):
+        holder_m = cad.build_tool_entries(arm, [entry], {"gripper": 10.0})["gripper"]["holder_m"]
+        assert least_m < math.hypot(*holder_m) < 0.8
+    parts = [part_of("block", box(0, 0, 0, 50, 50, 50))]
+    places = cad.lay_out_parts(parts, parts, {"block": "block"}, (), cad.Bearing(UP, ()), arm)
+    assert tuple(holder_m) in places.holders
+
+
 def test_the_task_is_of_the_arm_that_was_asked_for(screwed, screwed_task):
     """Its name, its reach, what it carries."""
     document = cad.build_task(*screwed, robot="ur5e").document
