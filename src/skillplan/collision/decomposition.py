@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -37,8 +37,8 @@ _DECIMALS = 9
 _MOST_BYTES = 64 * 1024 * 1024
 # Number of points on either surface at which pieces and mesh are compared.
 _SAMPLES = 3_000
-# Distance from a piece at which a point counts as within [m].
-_SAME_M = 1e-9
+# Distance of points from the box of a piece that may reach them [m].
+_NEAR_M = 1e-5
 
 
 class NoPieces(PluginError):
@@ -176,14 +176,31 @@ def _measure(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
         [_sample_surface(part.triangles, _SAMPLES // len(parts)) for part in parts]
     )
     own = _sample_surface(whole.triangles, _SAMPLES)
+    reached = np.full(len(own), -np.inf)
     for part in parts:
         # Most points are in a piece, and few pieces have a point in their box.
-        low, high = part.corners.min(axis=0) - _SAME_M, part.corners.max(axis=0) + _SAME_M
+        low, high = part.corners.min(axis=0) - _NEAR_M, part.corners.max(axis=0) + _NEAR_M
         near = np.flatnonzero(((own >= low) & (own <= high)).all(axis=1))
-        own = np.delete(own, near[_measure_reached(part, own[near]) >= -_SAME_M], axis=0)
-    reached = [_measure_reached(part, own) for part in parts] if len(own) else []
-    missing_m = max(0.0, -float(np.max(reached, axis=0).min())) if reached else 0.0
+        reached[near] = np.maximum(reached[near], _measure_reached(part, own[near]))
+    missing_m = _measure_missing(parts, own, reached)
     return Decomposition(pieces, round(measure_outermost(whole, outer), 7), round(missing_m, 7))
+
+
+def _measure_missing(parts: Sequence[Polyhedron], points: Floats, at_least_m: Floats) -> float:
+    """Return how far the outermost point is outside all convex pieces [m]; 0 if none is.
+
+    Parameters
+    ----------
+    at_least_m
+        How far points are within some of the pieces at least [m].
+    """
+    order, least_m, first, count = np.argsort(at_least_m), 0.0, 0, 1
+    while first < len(order) and at_least_m[order[first]] < least_m:
+        some = points[order[first : first + count]]
+        reached = np.max([_measure_reached(part, some) for part in parts], axis=0)
+        least_m = min(least_m, float(reached.min()))
+        first, count = first + count, 2 * count
+    return -least_m
 
 
 def _measure_reached(part: Polyhedron, points: Floats) -> Floats:

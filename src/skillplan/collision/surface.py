@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -59,6 +59,7 @@ class Polyhedron:
     faces: Indices
     flat: npt.NDArray[np.bool_]
     convex: bool = True
+    _narrower: dict[float, Polyhedron] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def triangles(self) -> Floats:
@@ -130,6 +131,11 @@ class Polyhedron:
 
         To first order at corners with more than three faces.
         """
+        if by_m not in self._narrower:
+            self._narrower[by_m] = self._narrow(by_m)
+        return self._narrower[by_m]
+
+    def _narrow(self, by_m: float) -> Polyhedron:
         flat = self.normals[:, :2]
         lengths = np.linalg.norm(flat, axis=1)
         walls = lengths > _UPRIGHT
@@ -211,11 +217,14 @@ _PRECISION_M = 5e-5
 _LEAST_M = 2e-4
 # Greatest number of pairs of points and faces in one array, which fits the cache of a core.
 _PAIRS = 30_000
-_FEWEST = 16
+# Number of points that are compared with many faces at once.
+_FEW = 4
+# Distances from a surface within which points only count if none is farther outside [m].
+_NEAR_SURFACE_M = 1e-4, 1e-5, 1e-6, 1e-8
 # Rotation that is along no axis and no usual slope.
 _SKEW = np.linalg.qr(np.array([[1.0, 0.37, 0.23], [-0.41, 1.0, 0.31], [-0.19, -0.43, 1.0]]))[0]
-# Number of points or edges for which the nearest faces are chosen together.
-_GROUP = 64
+# Share of faces that are left below which constants of them are kept.
+_FEWER = 0.85
 _NM = 1e-9
 # Numbers of the next corners of a triangle, and of those before.
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
@@ -231,18 +240,16 @@ def measure_depths(surface: Polyhedron, points: Floats) -> Floats:
 def measure_outermost(surface: Polyhedron, points: Floats) -> float:
     """Return the distance of the outermost point from a surface [m]; 0 if all are inside.
 
-    The points with the largest distances come first, until one is outside.
+    Most points are near the surface, and only count if none is farther outside.
     """
     faces = _Faces(surface.triangles, surface.corners.mean(axis=0))
-    distances = faces.distances(points)
-    order = np.argsort(-distances)
-    first, count = 0, _FEWEST
-    while first < len(order):
-        some = order[first : first + count]
-        outside = some[~faces.inside(points[some])]
+    for within_m in _NEAR_SURFACE_M:
+        is_near = faces.find_along(points, points, within_m)
+        farther = points[~is_near]
+        outside = farther[~faces.inside(farther)]
         if len(outside):
-            return float(distances[outside[0]])
-        first, count = first + count, 2 * count
+            return float(faces.distances(outside).max())
+        points = points[is_near]
     return 0.0
 
 
@@ -259,7 +266,7 @@ def measure_deepest(surface: Polyhedron, edges: Floats) -> float:
     wholes = np.zeros(len(begins))
     deepest = 0.0
     while len(begins):
-        worth = faces.farthest(begins, ends) > max(deepest + _PRECISION_M, _LEAST_M)
+        worth = ~faces.find_along(begins, ends, max(deepest + _PRECISION_M, _LEAST_M))
         begins, ends, wholes = begins[worth], ends[worth], wholes[worth]
         if not len(begins):
             break
@@ -314,37 +321,49 @@ class _Faces:
     def distances(self, points: Floats) -> Floats:
         """Return the distances of points from the nearest face [m]."""
         squares = np.empty(len(points))
-        for some, faces in self._split(points[:, None]):
+        for some, faces in self._split(points):
             squares[some] = faces._squares_from(points[some]).min(axis=1)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
-    def farthest(self, begins: Floats, ends: Floats) -> Floats:
-        """Return upper bounds on the distance of any point of an edge from the nearest face [m]."""
-        bounds = np.empty(len(begins))
-        for some, faces in self._split(np.stack([begins, ends], axis=1)):
-            both = np.maximum(faces._squares_from(begins[some]), faces._squares_from(ends[some]))
-            bounds[some] = both.min(axis=1)
-        return np.asarray(np.sqrt(np.maximum(bounds, 0.0)))
+    def find_along(self, begins: Floats, ends: Floats, within_m: float) -> npt.NDArray[np.bool_]:
+        """Return True for edges with both ends within a distance [m] of one face."""
+        tree, lows, highs = self._boxes
+        is_along = np.zeros(len(begins), dtype=bool)
+        reach_m = np.array([[-within_m], [within_m]])
+        for which, face in _query_in_plan(begins[:, None] + reach_m, tree):
+            low, high = lows[face] - within_m, highs[face] + within_m
+            begin, end = begins[which], ends[which]
+            near = (begin >= low) & (begin <= high) & (end >= low) & (end <= high)
+            near = near.all(axis=1) & ~is_along[which]
+            which, faces = which[near], _Faces(self._triangles[face[near]], self._middle)
+            squares = [faces._squares_from(end[which], is_paired=True) for end in (begins, ends)]
+            is_along[which[np.maximum(*squares) <= within_m**2]] = True
+        return is_along
 
-    def _split(self, items: Floats) -> Iterator[tuple[Indices, _Faces]]:
-        """Yield numbers of items that are near each other, and the faces that may be nearest.
+    @cached_property
+    def _boxes(self) -> tuple[shapely.STRtree, Floats, Floats]:
+        """Tree of the boxes of faces in plan, and their lowest and highest corners [m]."""
+        triangles = self._triangles
+        return _build_tree(triangles), triangles.min(axis=1), triangles.max(axis=1)
 
-        Parameters
-        ----------
-        items
-            Points, or edges by their ends [m], shape (items, ends, 3).
-        """
-        is_small = len(items) <= self._chunk
-        for group in [np.arange(len(items))] if is_small else _group(items.mean(axis=1)):
-            faces = self
-            if not is_small:
-                centre = items[group].reshape(-1, 3).mean(axis=0)
-                radius = float(np.linalg.norm(items[group] - centre, axis=2).max())
-                away = np.sqrt(np.maximum(self._squares_from(centre[None])[0], 0.0))
-                near = away <= float(away.min()) + 2 * radius + _NM
-                faces = _Faces(self._triangles[near], self._middle)
-            for first in range(0, len(group), faces._chunk):
-                yield group[first : first + faces._chunk], faces
+    def _split(self, points: Floats) -> Iterator[tuple[Indices, _Faces]]:
+        """Yield numbers of points that are near each other, and the faces that may be nearest."""
+        waiting = [(np.arange(len(points)), self)]
+        while waiting:
+            group, faces = waiting.pop()
+            if len(group) <= max(faces._chunk, _FEW):
+                yield group, faces
+                continue
+            centre = points[group].mean(axis=0)
+            radius = float(np.linalg.norm(points[group] - centre, axis=1).max())
+            away = np.sqrt(np.maximum(faces._squares_from(centre[None])[0], 0.0))
+            near = away <= float(away.min()) + 2 * radius + _NM
+            if near.sum() < _FEWER * len(near):
+                faces = _Faces(faces._triangles[near], self._middle)
+            axis = int(np.ptp(points[group], axis=0).argmax())
+            order = np.argsort(points[group, axis], kind="stable")
+            middle = len(group) // 2
+            waiting += [(group[order[:middle]], faces), (group[order[middle:]], faces)]
 
     def inside(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return True for points inside the surface, by their turns or the faces above them."""
@@ -396,19 +415,34 @@ class _Faces:
             np.add.at(counts, which[crossed], turn[0, crossed].astype(np.int64))
         return counts, is_open
 
-    def _squares_from(self, points: Floats) -> Floats:
-        """Return the squared distances of points from faces [m2], shape (points, faces)."""
+    def _squares_from(self, points: Floats, *, is_paired: bool = False) -> Floats:
+        """Return the squared distances of points from faces [m2], shape (points, faces).
+
+        Parameters
+        ----------
+        is_paired
+            True for the distance of each point from the face of its number alone.
+        """
         points = points - self._middle
-        own = np.einsum("ij,ij->i", points, points)[:, None]
-        nearest = np.full((len(points), len(self._height)), math.inf)
-        within = np.broadcast_to(self._sound, nearest.shape).copy()
+        own = np.einsum("ij,ij->i", points, points)
+        if not is_paired:
+            own = own[:, None]
+
+        def multiply(constants: Floats) -> Floats:
+            """Return the products of points and columns."""
+            if is_paired:
+                return np.asarray(np.einsum("ij,ji->i", points, constants))
+            return np.asarray(points @ constants)
+
+        flat = (multiply(self._normal) - self._height) ** 2 * self._per_area
+        nearest = np.full(flat.shape, math.inf)
+        within = np.broadcast_to(self._sound, flat.shape).copy()
         for side, begin, square in zip(self._sides, self._corners, self._squares, strict=True):
-            within &= points @ side.inwards >= side.inner
-            along = points @ side.way - side.begin
+            within &= multiply(side.inwards) >= side.inner
+            along = multiply(side.way) - side.begin
             share = np.clip(along * side.per_square, 0, 1)
-            away = own - 2 * (points @ begin.T) + square
+            away = own - 2 * multiply(begin.T) + square
             np.minimum(nearest, away - share * (2 * along - share * side.square), out=nearest)
-        flat = (points @ self._normal - self._height) ** 2 * self._per_area
         return np.where(within, flat, nearest)
 
     def _turns(self, points: Floats) -> Floats:
@@ -425,20 +459,6 @@ class _Faces:
         for begin, end, rest, i, j in ((a, b, z, 0, 1), (b, c, x, 1, 2), (c, a, y, 2, 0)):
             below += (own - to[i] - to[j] + np.einsum("ij,ij->i", begin, end)) * rest
         return np.asarray(np.arctan2(volume, below).sum(axis=1) / (2 * math.pi))
-
-
-def _group(points: Floats) -> Iterator[Indices]:
-    """Yield the numbers of points in groups near each other, by halves along the longest extent."""
-    waiting = [np.arange(len(points))]
-    while waiting:
-        group = waiting.pop()
-        if len(group) <= _GROUP:
-            yield group
-            continue
-        axis = int(np.ptp(points[group], axis=0).argmax())
-        order = np.argsort(points[group, axis], kind="stable")
-        middle = len(group) // 2
-        waiting += [group[order[:middle]], group[order[middle:]]]
 
 
 class _Side:

@@ -45,6 +45,8 @@ _FLATNESS = 1e-5
 _ROUNDED_M, _SLIVER_M = 2e-7, 1e-6
 # Greatest number of corners times faces in one array.
 _MOST_PRODUCTS = 200_000
+# Number of faces that are compared with all corners first.
+_FIRST_FACES = 8
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -287,11 +289,15 @@ def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
     a, normals = a[sound], normals[sound]
     levels = np.einsum("ij,ij->i", a, normals)
     highest = levels + flatness_m * lengths[sound]
-    step = max(1, _MOST_PRODUCTS // len(corners))
-    return all(
-        bool((corners @ normals[some].T <= highest[some]).all())
-        for some in (slice(first, first + step) for first in range(0, len(sound), step))
-    )
+    most = max(1, _MOST_PRODUCTS // len(corners))
+    # A concave mesh has corners beyond one of its first faces.
+    first, count = 0, min(most, _FIRST_FACES)
+    while first < len(sound):
+        some = slice(first, first + count)
+        if not (corners @ normals[some].T <= highest[some]).all():
+            return False
+        first, count = first + count, min(most, 2 * count)
+    return True
 
 
 MAX_BYTES = 4 * 1024 * 1024
