@@ -96,6 +96,18 @@ def test_a_head_is_seated_on_the_face_below_it_though_the_shank_fills_its_hole(s
     assert document["screws"]["M4_screw"]["head_height_m"] == pytest.approx(0.003, abs=1e-6)
 
 
+def test_a_screw_that_holds_in_the_part_below_its_head_goes_through_it():
+    """CAD draws the hole behind it wider than the shank."""
+    solids = {
+        "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 3, 10),
+        "plate": box(0, 0, 20, 60, 40, 30) - rod(30, 20, 20, 1.9, 10),
+        "M4 screw": rod(30, 20, 15, 2, 15) + rod(30, 20, 30, 4, 3),
+    }
+    task = cad.build_task(*relate(product_of(solids)))
+    assert task.document["screws"]["M4_screw"]["through"] == "plate"
+    assert task.document["screws"]["M4_screw"]["hole_m"][2] == pytest.approx(0.030, abs=1e-6)
+
+
 @pytest.mark.parametrize("height_mm", [0.12, 0.5])
 def test_a_screw_that_is_drawn_over_its_seat_is_driven_home(screwed_task, height_mm):
     """Its head has no contact with the plate."""
@@ -138,6 +150,19 @@ def test_pieces_do_not_stand_out_of_the_face_that_a_jaw_presses():
         face_mm = 1e3 * (grasp["at_m"][1] + grasp["width_m"] / 2)
         jaw = box(-5, face_mm + 0.05, 50 - 1e3 * grasp["depth_m"], 5, 20, 50)
         assert max((hull ^ jaw).volume() for hull in hulls) < 1e-3
+
+
+def test_a_round_part_on_its_side_comes_from_a_feeder_as_it_rolls():
+    shaft = rod(0, 0, -30, 10, 60).rotate((0, 90, 0)).translate((30, 20, 30))
+    product = product_of({"base": box(0, 0, 0, 60, 40, 30) - shaft, "shaft": shaft})
+    base, part = product.parts
+    sides = part.vertices_m[part.triangles][:, 1:] - part.vertices_m[part.triangles][:, :1]
+    (around,) = np.nonzero(np.abs(np.cross(*sides.swapaxes(0, 1))[:, 0]) < 1e-12)
+    face = cad.Face("cylinder", around, (0.03, 0.02, 0.03), (1.0, 0.0, 0.0), 0.01)
+    product = replace(product, parts=(base, replace(part, faces=(face,), shape=1)))
+    document = cad.build_task(*relate(product)).document
+    assert document["parts"]["shaft"]["feeder"] == "shaft_feeder"
+    assert "feeder" not in document["parts"]["base"]
 
 
 def test_a_screw_without_a_head_is_left_out_with_the_reason():

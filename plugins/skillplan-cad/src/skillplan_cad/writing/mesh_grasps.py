@@ -612,7 +612,9 @@ class _Field:
         above = self.out_m - tip
         for lower, upper in pairwise(hand.jaw_m):
             half, behind = max(lower[1], upper[1]), max(lower[3], upper[3])
-            rows = _slice((above >= lower[0]) & (above <= upper[0] + self.cell_m[1]) & (above > 0))
+            # Fingertips clear what lies beneath them, too.
+            lowest_m = lower[0] if lower[0] else _ALMOST - _CLEAR_M
+            rows = _slice((above >= lowest_m) & (above <= upper[0] + self.cell_m[1]))
             columns = _slice(np.abs(self.across_m - self.across_m[column]) <= half + _CLEAR_M)
             begins, ends = self.begins[columns, rows], self.ends[columns, rows]
             hits_left = (begins < left - _CLEAR_M) & (ends > begin_m - behind)

@@ -29,6 +29,7 @@ from skillplan_cad.planning.bearing import Bearing, list_required
 from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.planning.stability import is_over
 from skillplan_cad.product import (
+    ROUND_KINDS,
     Part,
     Points,
     Product,
@@ -655,11 +656,22 @@ def _measure_foot(
 
 
 def stands_alone(part: Part, upright: Upright) -> bool:
-    """Return whether a part stands on the table by itself, with the margin of the core."""
+    """Return whether a part stands on the table by itself, with the margin of the core.
+
+    Corners of a round face on its side are no feet, except on a level plane: such a part rolls.
+    """
     corners = upright.vertices(part)
     centre = np.asarray(upright.point(part.centre_m))
     height_m = float(centre[2] - corners[:, 2].min())
-    feet = corners[corners[:, 2] < corners[:, 2].min() + _LEVEL_FEET_M]
+    is_low = corners[:, 2] < corners[:, 2].min() + _LEVEL_FEET_M
+    rolls, stands = np.zeros_like(is_low), np.zeros_like(is_low)
+    for face in part.faces:
+        is_upright = abs(upright.vector(face.axis)[2]) > 1 - _LEVEL
+        if face.kind in ROUND_KINDS and (face.kind == "sphere" or not is_upright):
+            rolls[part.triangles[face.triangles]] = True
+        elif face.kind == "plane" and is_upright:
+            stands[part.triangles[face.triangles]] = True
+    feet = corners[is_low & (stands | ~rolls)]
     extent_m = float(np.ptp(corners, axis=0).max())
     return is_over(centre[:2], feet[:, :2], compute_margin_m(extent_m, height_m))
 
@@ -1481,10 +1493,12 @@ class TaskWriter:
         return [list(way) for way in (first, *others)][:_MOST_DIRECTIONS]
 
     def _build_screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
+        # From its head on; a nut lies on the part beneath its rod.
         lies = [
             join
             for join in fastener.joins
-            if self._get_driven(self._get_part(join)) is None and join not in fastener.threaded_in
+            if self._get_driven(self._get_part(join)) is None
+            and not (fastener.kind == "nut" and join in fastener.threaded_in)
         ]
         missing = [join for join in fastener.joins if join not in self.names]
         if missing:
