@@ -147,12 +147,14 @@ class FitPlay:
             for contact in relation.contacts
             if contact.radius_difference_m is not None
         ]
-        # Depths of press fits, by the names of both parts [m].
-        self.overlaps_m = {
-            frozenset(contact.parts): contact.fit.depth_m
+        fitted = [
+            (frozenset(contact.parts), contact.fit)
             for contact in relation.contacts
             if contact.fit is not None and contact.kind != "thread"
-        }
+        ]
+        # Depths of drawn overlaps, by the names of both parts [m]; press fits leave waists.
+        self._overlaps_m = {pair: fit.depth_m for pair, fit in fitted}
+        self.waists_m = {pair: fit.depth_m for pair, fit in fitted if fit.kind != "sunk"}
         # Clearances as drawn, by the names of both parts [m].
         self.drawn_m: dict[frozenset[str], float] = {}
         for first, second, clearance_m in drawn:
@@ -236,7 +238,7 @@ class FitPlay:
                 drawn_m = self.drawn_m.get(pair)
                 if drawn_m is None:
                     # Pieces may reach into the other part where meshes do not.
-                    drawn_m = max(-self.overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
+                    drawn_m = max(-self._overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
                 drawn_m = round(drawn_m, _DECIMALS) + 0.0
                 fits.append(Played(part.name, other, drawn_m, max(drawn_m, PLAY_M)))
         _continue_sides(everything, along)

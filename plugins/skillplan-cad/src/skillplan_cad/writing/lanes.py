@@ -178,7 +178,7 @@ class Lanes:
     ----------
     list_moves
         Returns the other parts in the order with their moves past a part in its pose.
-    drawn_m, overlaps_m
+    drawn_m, waists_m
         Clearances as drawn, and depths of press fits, by the names of both parts [m].
     sweeps
         Spaces that were found before, also with other orders and products.
@@ -191,13 +191,13 @@ class Lanes:
         upright: Upright,
         list_moves: Callable[[str], list[tuple[str, Floats]]],
         drawn_m: Mapping[frozenset[str], float],
-        overlaps_m: Mapping[frozenset[str], float],
+        waists_m: Mapping[frozenset[str], float],
         sweeps: Sweeps,
     ) -> None:
         self._product, self._relation, self._upright = product, relation, upright
         self._sweeps = sweeps
         self._list_part_moves, self._drawn_m = list_moves, drawn_m
-        self._overlaps_m = overlaps_m
+        self._waists_m = waists_m
         self._corners: dict[str, tuple[Points, bool]] = {}
         self._threads = {
             frozenset((fastener.part, mate))
@@ -230,7 +230,7 @@ class Lanes:
             clearance_m = (1 - _CLEARANCE_SHARE) * min(max(drawn_m, PLAY_M), _WIDEST_M)
             sweep, thickness_mm = self._sweep(part, other, along, clearance_m, concave, rooms)
             # The waist that a press fit leaves is none: all of the part has to pass.
-            if thickness_mm > self._overlaps_m.get(pair, 0.0) * _TO_MM:
+            if thickness_mm > self._waists_m.get(pair, 0.0) * _TO_MM:
                 sweeps.setdefault(clearance_m, []).append(sweep)
         room = rooms[:, 0].min(axis=0), rooms[:, 1].max(axis=0)
         near = [

@@ -136,7 +136,7 @@ class PieceProof:
             upright,
             play.list_moves,
             play.drawn_m,
-            play.overlaps_m,
+            play.waists_m,
             cuts.sweeps,
         )
         self._cutter = _Cutter(upright, lanes, cuts)
