@@ -425,6 +425,19 @@ def test_pieces_of_a_grid_leave_the_narrow_gap_free_that_jaws_reach_into():
     assert not are_free(None)
 
 
+def test_a_strip_that_no_cut_frees_leaves_the_way_of_parts():
+    """Its hull would fill the way before a ledge; both halves of any cut are sheer."""
+    strip = manifold3d.Manifold.cube((0.02, 0.01, 8.8))
+    strip += manifold3d.Manifold.cube((0.02, 0.15, 1)).translate((0, 0, 3.9))
+    solid = strip + manifold3d.Manifold.cube((2, 2, 8.8)).translate((0, -3, 0))
+    way = manifold3d.Manifold.cube((0.02, 1, 3.9)).translate((0, 0.01, 0))
+    lane, mesh = Lane(way, 1e-4, 2e-5, manifold3d.Manifold()), solid.to_mesh()
+    pieces = decompose_convex(mesh.vert_properties / 1e3, mesh.tri_verts, 3e-4, (), lane)
+    hulls = [manifold3d.Manifold.hull_points(corners * 1e3) for corners, _ in pieces]
+    assert hulls
+    assert sum((hull ^ way).volume() for hull in hulls) < 1e-4
+
+
 @pytest.mark.slow(reason="simulates; the shapes are tested in every run")
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
 def test_pins_and_pegs_of_real_fits_go_in_and_the_answer_says_with_which_play(

@@ -137,7 +137,9 @@ def decompose_convex(
             # The hull of a concave sheet reaches far beyond it, and engines push parts along it.
             if measure_thickness(own) > _SHEER_MM
         ]
-        if bodies and len(done) + len(waiting) + len(bodies) <= _MOST_OF_ALL:
+        # A strip in the way of parts goes if both of its halves are sheer.
+        is_cut = bool(bodies) or (halves is not None and -excess >= _FIRST)
+        if is_cut and len(done) + len(waiting) + len(bodies) <= _MOST_OF_ALL:
             add(bodies, room)
         else:
             # No cut is possible, or its halves fall into more bodies than there is room for.
