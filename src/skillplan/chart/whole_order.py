@@ -1,11 +1,11 @@
 """Find an order of all components of a task, one after another, or those that spoil every order.
 
-Parts are placed one after another, in the order of the plan as far as the checks allow, and those
-that fail again while others come in. If some cannot be placed, the whole is taken apart in thought:
-a part may be the last one if it can be placed with all others there. Parts that are gone are in
-nobody's way, so no choice of a last part is wrong, except where it held another one up: then it
-comes before that one, and the search starts again. Parts none of which can be the last are in no
-order at all; the one whose absence costs the fewest others is left out.
+Parts are placed one after another, in the order of the plan as far as the checks allow; a failed
+part is tried again after others. If some are left, the search goes backwards from the whole: a part
+may be the last if it can be placed with all others there. A part that is gone blocks nothing, so
+any choice of a last part will do, unless it held another one up: then it comes before that one, and
+the search starts again. If none of the rest can be the last, they are in no order, and the one
+whose absence costs the fewest others is left out.
 """
 
 from __future__ import annotations

@@ -228,7 +228,7 @@ class StabilityDetector(Detector):
     def _decide_standing(
         self, product: _Product, held: set[str], up: tuple[float, float, float], tilt_deg: float
     ) -> Standing:
-        """Return whether a product stands; each is examined once, whichever part came last."""
+        """Return whether a product stands; the answer is kept, whichever part came last."""
         key = (
             frozenset(map(id, product.touches)),
             frozenset(there.key for there in product.loose.values()),
