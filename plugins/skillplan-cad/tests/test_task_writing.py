@@ -17,6 +17,8 @@ from cad_fixtures import box, part_of, rod
 from cad_products import product as fixture
 from cad_products import related, relation
 from skillplan.cli import run
+from skillplan.domains.assembly import AssemblyDomain
+from skillplan.errors import Issue
 from skillplan.robots import ARMS
 
 TOLERANCE_M = 1e-4
@@ -551,6 +553,23 @@ def test_a_part_whose_tools_were_not_all_tried_in_time_keeps_its_last_failure():
     reason = task.left_out["part"]
     assert reason.kind == "not examined"
     assert "a finger runs into case" in reason.text
+
+
+def test_a_part_whose_grasp_is_refused_by_check_gets_the_next_tool(monkeypatch):
+    """Only its first tool is refused, as if the hole for it were too narrow."""
+    solids = ("case", box(0, 0, 0, 60, 60, 12)), ("part", box(20, 20, 12, 40, 40, 24))
+    first = assembled(*solids, up=UP).document["parts"]["part"]["tool"]
+    find_issues = AssemblyDomain.issues
+
+    def find_more(domain, config):
+        yield from find_issues(domain, config)
+        if config.parts["part"].tool == first:
+            yield Issue("no hole there", ("parts", "part", "grasp", "at_m"))
+
+    monkeypatch.setattr(AssemblyDomain, "issues", find_more)
+    task = assembled(*solids, up=UP)
+    assert not task.left_out
+    assert task.document["parts"]["part"]["tool"] != first
 
 
 @pytest.mark.slow

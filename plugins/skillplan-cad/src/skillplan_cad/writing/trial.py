@@ -276,10 +276,11 @@ class TaskTrials:
         try:
             config = domain.Config.model_validate(known, context={"folder": folder})
         except ValidationError as error:
-            return Trial(_sort_issues(list_schema_issues(error, domain.Config)))
+            return _sort_issues(list_schema_issues(error, domain.Config))
         self._keep_meshes(document, config)
-        refusals = _sort_issues(domain.issues(config))
-        return Trial(refusals) if refusals or SWEPT not in names("collision") else config
+        trial = _sort_issues(domain.issues(config))
+        is_refused = trial.refusals or trial.failures
+        return trial if is_refused or SWEPT not in names("collision") else config
 
     def _forget_far(self, feasibility: Feasibility, config: AssemblyConfig) -> None:
         """Forget the parts that are out of reach now, as the table is laid out anew."""
@@ -472,12 +473,16 @@ def _list_engine_faults(task: Task, config: AssemblyConfig) -> dict[str, str]:
     return faults
 
 
-def _sort_issues(issues: Iterable[Issue]) -> dict[str, str]:
-    reasons: dict[str, str] = {}
+def _sort_issues(issues: Iterable[Issue]) -> Trial:
+    """Return the trial of a refused task; another grasp may do where one is refused."""
+    refusals, failures = dict[str, str](), dict[str, Failure]()
     for issue in issues:
-        of_part = len(issue.path) > 1 and issue.path[0] in ("parts", "screws")
-        reasons.setdefault(str(issue.path[1]) if of_part else "", issue.message)
-    return reasons
+        kind, name, key, *_ = (*map(str, issue.path), "", "", "")
+        if kind == "parts" and key == "grasp":
+            failures.setdefault(name, Failure(issue.message, is_far=False))
+        else:
+            refusals.setdefault(name if kind in ("parts", "screws") else "", issue.message)
+    return Trial(refusals, failures)
 
 
 def _list_supports(config: AssemblyConfig, name: str) -> list[str]:
