@@ -98,6 +98,15 @@ def test_a_hand_does_not_go_back_through_a_wall_of_the_part_that_it_let_go():
         assert passes or verdict.reason == "the hand runs into drawer on the retreat"
 
 
+def test_a_hand_that_is_above_safe_height_already_has_no_retreat_to_check():
+    content = copy.deepcopy(DRAWER)
+    content["feeders"]["tray"]["height_m"] = 0.35
+    verdict = verdict_on(
+        assembly(content), "pick(drawer)", "hand_free", "tool(gripper)", "at(home)"
+    )
+    assert verdict.is_feasible
+
+
 @pytest.mark.slow(reason="a scene more; the drawer itself in every run")
 def test_what_stands_where_the_drawer_goes_in_blocks_the_insertion():
     """Straight down beside it, it would have passed."""

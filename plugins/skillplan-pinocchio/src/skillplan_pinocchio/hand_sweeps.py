@@ -20,7 +20,7 @@ from skillplan.physics.linear_motions import (
 )
 from skillplan.robots.arm_description import Hand
 from skillplan.task.motion import AXES, Event
-from skillplan.task.pose import Point, Pose, cross, is_same_direction, plus, unit
+from skillplan.task.pose import Point, Pose, cross, dot, plus
 from skillplan.task.scene import WORLD, Robot, Scene, Tool, ToolKind, name_shank
 from skillplan.task.shape import Cylinder, Mesh, Shape
 from skillplan_pinocchio.holds import NEAR_M
@@ -158,6 +158,8 @@ def _get_corners(shape: Shape) -> Array:
     )
 
 
+# Rounding of a retreat straight back [m].
+_STRAIGHT_M = 1e-9
 _HANDLING = (Event.GRASP, Event.RELEASE)
 _STILL: Point = (0.0, 0.0, 0.0)
 
@@ -286,8 +288,8 @@ class HandSweeps:
                 return part.name, "the approach", touch
         begin, end = motion.retreat[:2]
         by = _subtract(begin, end)
-        is_straight = is_same_direction(unit(_subtract(end, begin)), motion.points)
-        if visit.event is Event.GRASP or is_straight:
+        # The retreat has no length if the hand is above safe height already.
+        if visit.event is Event.GRASP or -dot(by, motion.points) >= math.hypot(*by) - _STRAIGHT_M:
             return None
         for sweep in self._hands("the retreat", motion, begin, by, after=True):
             touch = sweep.touch(target, tolerance_m, 1)

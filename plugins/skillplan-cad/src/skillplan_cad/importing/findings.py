@@ -615,7 +615,7 @@ def analyse_units(
 
 
 def _is_named(unit: Sequence[str], settings: ImportSettings) -> bool:
-    """Return whether an option names a part of a unit, or a fit within it: it is no unit then."""
+    """Return whether an option names a part of a unit, or a fit within it; no unit is made then."""
     materials = [entry.rpartition("=")[0] for entry in settings.material]
     patterns = [*settings.fastener, *settings.not_fastener, *materials]
 
