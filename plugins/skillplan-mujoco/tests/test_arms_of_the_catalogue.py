@@ -127,3 +127,26 @@ def test_a_heavy_arm_on_the_springs_of_a_fit_does_not_lag(tmp_path):
     evidence = done.skills[-1].verdict.evidence
     assert evidence["sensed"]["insertion_force_n"] < 1.0
     assert np.linalg.norm(evidence["offset_mm"]) < 0.1
+
+
+BESIDE_THE_TIP = """kind: assembly
+name: beside-the-tip
+robot: {model: m710ic_50, home_m: [0.61, 0.0], safe_height_m: 0.6}
+tools: {jaws: {model: robotiq_2f85, holder_m: [-0.266, 0.635], force_n: 129.0}}
+initial_tool: jaws
+parts:
+  near: {fixed: true, size_m: [0.1, 0.05, 0.1], goal_m: [0.6, 0.3749]}
+  far: {fixed: true, size_m: [0.1, 0.05, 0.1], goal_m: [0.6, 0.5251]}
+  block: {tool: jaws, mass_kg: 4.0, size_m: [0.08, 0.1, 0.15], start_m: [1.2, 0.24],
+    goal_m: [0.6, 0.45], insert_along: [[1.0, 0.0, 0.0]], insert_m: 0.12,
+    grasp: {type: jaws, closing_axis: x, width_m: 0.08, depth_m: 0.015, at_m: [0.0, 0.03]},
+    fits: {near: {drawn_m: 0.0001, play_m: 0.0001, outside_m: 0.0}}}
+"""
+
+
+@pytest.mark.slow(reason="an execution")
+def test_a_heavy_arm_stands_before_it_goes_into_a_fit_on_springs(tmp_path):
+    """It went on to swing there: it tilted by 0.06 degrees, and touched a wall with 0.6 N."""
+    done = place_block("mujoco", tmp_path, BESIDE_THE_TIP)
+    evidence = done.skills[-1].verdict.evidence
+    assert evidence["sensed"]["insertion_force_n"] < 0.1

@@ -73,7 +73,7 @@ class MujocoEngine(PerformingEngine):
     """
 
     name = "mujoco"
-    version = "17"
+    version = "18"
     expected_s = 0.3
 
     class Options(SimulatingEngine.Options):

@@ -63,7 +63,7 @@ class PybulletEngine(PerformingEngine):
     """
 
     name = "pybullet"
-    version = "16"
+    version = "17"
     expected_s = 0.6
     contact_detectors = ("contact-pairs", "contact-force")
     stands_exact = True

@@ -212,7 +212,7 @@ _LET_GO_S = 0.35
 _SUCTION_S = 0.05
 # Speed at which a part goes down to its goal in a holder [m/s].
 _LOWERING_M_PER_S = 0.01
-# Time until the arm stands after that [s].
+# Time until the arm stands after that, and before a fit [s].
 _SWING_S = 0.1
 # Time in which bodies come to rest after a turn, or after holders have moved [s]; steps at the end
 # of a turn in which the workholder stands.
@@ -497,6 +497,8 @@ class SkillRunner(ControlledRobot):
         if guides.force_n is not None:
             self.sensed["insertion_limit_n"] = guides.force_n
         if not guides.led:
+            # A heavy arm on springs would go on to move as it still moves beside its path.
+            self.wait(_SWING_S)
             # Until the part is released, or the screw driven.
             self.arm.yields = True
             self.move(end, PathSection(path, share, 1.0), _INSERTION_M_PER_S)
