@@ -633,6 +633,29 @@ def test_a_countersunk_screw_is_seated_at_its_rim():
 
 
 @pytest.mark.slow
+def test_a_rounded_head_is_seated_on_the_floor_of_its_recess():
+    """The edge of the head touches the wall of the recess 0.4 mm above the floor."""
+    head = rod(30, 20, 28.4, 4.5, 1.6) + manifold3d.Manifold.cylinder(0.4, 4.1, 4.5, 48).translate(
+        [30, 20, 28]
+    )
+    shank = rod(30, 20, 5, 2.5, 23)
+    lid = box(5, 5, 20, 55, 35, 30) - rod(30, 20, 28, 4.5, 2) - rod(30, 20, 20, 2.55, 8)
+    block = box(0, 0, 0, 60, 40, 20) - shank
+    task = assembled(("block", block), ("lid", lid), ("M5 screw", shank + head))
+    assert task.document["screws"]["M5_screw"]["hole_m"][2] == pytest.approx(0.028, abs=1e-5)
+
+
+@pytest.mark.slow
+def test_a_ring_that_ends_at_the_rim_of_its_seat_is_let_go_from_a_shallow_grasp():
+    """Fingers have room above the wheel; the deepest grasp would begin too high to be guided."""
+    wheel = rod(30, 30, 0, 8, 8.9) - rod(30, 30, 5, 5.02, 4)
+    ring = rod(30, 30, 5, 5, 4.2) - rod(30, 30, 5, 2, 4.2)
+    task = assembled(("wheel", wheel), ("ring", ring), up=UP)
+    assert not task.left_out
+    assert task.document["parts"]["ring"]["release_m"] < 0.0029
+
+
+@pytest.mark.slow
 def test_a_level_screw_comes_down_behind_the_roof_above_it():
     """The roof ends 70 mm behind the hole, farther than the usual stretch of 50 mm."""
     screw = (rod(0, 0, 0, 2, 16) + rod(0, 0, -4, 4, 4)).rotate([0, 90, 0]).translate([80, 30, 70])

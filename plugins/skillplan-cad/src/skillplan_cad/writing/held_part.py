@@ -275,6 +275,18 @@ def list_holds(
     yield from weak
 
 
+def list_shallow_holds(part: Part, local: Points, centre_m: Floats, hand: Hand) -> list[Held]:
+    """Return the shallowest grasps of jaws and tips from above; see `list_holds`."""
+    finder = GraspFinder(part, local, centre_m)
+    holds = []
+    for tool in (TIPS, GRIPPER):
+        jaws, clearance_m = get_jaws(hand, tool)
+        grasps = finder.find_jaw_grasps(jaws, (DOWN,), 0.0, clearance_m=clearance_m, at_top=True)
+        if grasps:
+            holds.append(_hold(tool, grasps))
+    return holds
+
+
 def _search_holds(
     part: Part, local: Points, centre_m: Floats, hand: Hand, sunk_m: float
 ) -> Iterator[Held]:
@@ -678,7 +690,12 @@ class PartHolds:
             if held != granted:
                 yield held
         rims_m = self._measure_rims_m(part) - bottom[2]
-        released = [held.release(rims_m, float(local[:, 2].max())) for held in tried]
+        top_m = float(local[:, 2].max())
+        released = [held.release(rims_m, top_m) for held in tried]
+        if not any(released) and 0 < rims_m[:, 0].min() <= top_m:
+            # The usual grasps of a part that is enclosed up to its top are deeper.
+            shallow = list_shallow_holds(part, local, centre, self._hand)
+            released = [held.release(rims_m, top_m) for held in shallow]
         yield from (held for held in released if held is not None)
 
     def _measure_rims_m(self, part: Part) -> Floats:

@@ -173,6 +173,7 @@ class GraspFinder:
         clearance_m: float = OPEN_M,
         *,
         at_ends: bool = False,
+        at_top: bool = False,
     ) -> list[JawGrasp]:
         """Return the best grasps from some sides, the best first.
 
@@ -190,6 +191,8 @@ class GraspFinder:
         at_ends
             Return the outermost grasps of both ends of a long part, one of each closing direction,
             in no particular order, instead.
+        at_top
+            Return the shallowest grasp of each side and closing direction instead.
         """
         jaws = _Jaws(hand, clearance_m)
         candidates = [
@@ -202,10 +205,12 @@ class GraspFinder:
             return self._choose_ends(candidates)
         # The best of each side, closing direction and depth first: a neighbour may be in the way of
         # deep fingers, and a rim in the way of shallow ones.
-        candidates.sort(key=lambda grasp: grasp.cost)
+        candidates.sort(key=lambda grasp: (at_top * grasp.entry["depth_m"], grasp.cost))
         best: dict[tuple[Any, ...], JawGrasp] = {}
         for grasp in candidates:
-            best.setdefault(_classify(grasp), grasp)
+            best.setdefault(_classify(grasp)[: 2 if at_top else None], grasp)
+        if at_top:
+            return [*best.values()]
         chosen = list(best.values())[:_MOST_GRASPS]
         for grasp in candidates:
             if len(chosen) < _MOST_GRASPS and all(_differ(grasp, other) for other in chosen):

@@ -784,8 +784,8 @@ def build_screw_entry(
     return entry, hover_m
 
 
-# Rays around a head, and unevenness of a seat [m].
-_RING_RAYS, _UNEVEN_M = 16, 1e-5
+# Rays around a head, unevenness of a seat [m], and fewest points of a contact on a seat.
+_RING_RAYS, _UNEVEN_M, _SEAT_POINTS = 16, 1e-5, 3
 
 
 def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float) -> float:
@@ -909,8 +909,12 @@ def _find_touched_seat(part: Part, fastener: Fastener, relation: Relation) -> fl
         if {part.name, fastener.joins[0]} != set(contact.parts) or not contact.points_m:
             continue
         if any(abs(float(np.dot(normal, axis))) > _FLAT for normal in contact.normals):
-            # The points of the shank in its hole belong to the same contact.
+            # The points of the shank in its hole, and of a head in its recess, belong to the same
+            # contact; points of the seat share a height.
             touched = np.asarray(contact.points_m) @ axis
+            level = np.abs(touched[:, None] - touched) < _UNEVEN_M
+            seat = touched[level.sum(axis=1) >= _SEAT_POINTS]
+            touched = seat if len(seat) else touched
             return float(touched[np.abs(touched - lowest - fastener.length_m).argmin()])
     return None
 
