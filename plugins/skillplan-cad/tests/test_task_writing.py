@@ -592,6 +592,18 @@ def test_thin_tips_put_a_part_next_to_walls(case, part, is_inner):
 
 
 @pytest.mark.slow
+def test_long_tips_put_a_ring_at_the_bottom_of_a_bore():
+    """The others get thick 40 mm above their ends, which is below the rim."""
+    case = box(0, 0, 0, 80, 80, 72) - rod(40, 40, 10, 24, 70)
+    ring = rod(40, 40, 10, 15, 7) - rod(40, 40, 9, 9, 9)
+    task = assembled(("case", case), ("ring", ring), up=UP)
+    assert not task.left_out
+    assert task.document["parts"]["ring"]["tool"] == "long_finger_tips"
+    length_m = task.document["tools"]["long_finger_tips"]["length_m"]
+    assert length_m == pytest.approx(HAND.tip_on_flange.xyz_m[2] + 0.025)
+
+
+@pytest.mark.slow
 def test_a_part_that_is_flush_with_its_pocket_is_let_go_above_it():
     """A key with a round back: no cup seals on it."""
     case = box(0, 0, 0, 60, 60, 30) - box(20, 25.7, 22, 40, 34.3, 30)

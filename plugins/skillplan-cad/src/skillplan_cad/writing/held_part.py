@@ -29,7 +29,7 @@ from skillplan_cad.writing.mesh_grasps import OPEN_M, Floats, GraspFinder, JawGr
 from skillplan_cad.writing.trial import Failure
 from skillplan_cad.writing.upright import place_turned, place_upright
 
-GRIPPER, TIPS = "gripper", "finger_tips"
+GRIPPER, TIPS, LONG_TIPS = "gripper", "finger_tips", "long_finger_tips"
 CUP, SMALL_CUP, LARGE_CUP = "suction_cup", "small_suction_cup", "large_suction_cup"
 WIDE_CUP, HEAVY_CUP = "wide_suction_cup", "heavy_suction_cup"
 CUPS_M: Mapping[str, float] = {
@@ -68,6 +68,23 @@ TIPS_PROFILE_M = (
 )
 """Finger tips for small parts, 6 mm wide and 40 mm long, the last 6 mm 4 mm wide and 1.2 mm thick:
 they reach down beside walls. Rows as in `jaw_profile_m`. In steel they bend by 0.02 mm at 6 N."""
+
+LONG_TIPS_PROFILE_M = (
+    *TIPS_PROFILE_M[:2],
+    (0.0085, 0.003, 0.0, 0.0034),
+    (0.028, 0.003, 0.0, 0.0034),
+    (0.032, 0.003, 0.0, 0.006),
+    (0.065, 0.003, 0.0, 0.006),
+    *((height_m + 0.025, *section) for height_m, *section in TIPS_PROFILE_M[-2:]),
+)
+"""Finger tips for the bottom of a bore, 65 mm long, the last 28 mm at most 3.4 mm thick. They are
+no maker's product, but made for the task, like the others; in steel they bend by 0.04 mm at 6 N."""
+
+PROFILES_M: Mapping[str, tuple[tuple[float, ...], ...]] = {
+    TIPS: TIPS_PROFILE_M,
+    LONG_TIPS: LONG_TIPS_PROFILE_M,
+}
+"""Shapes of the finger tips by tool."""
 
 TIPS_CLEARANCE_M = 1e-3
 """Clearance of the open tips on each side of a part [m]: feeders present small parts closely."""
@@ -208,7 +225,7 @@ class Held:
         top_m
             Height of the part [m].
         """
-        if self.tool not in (TIPS, GRIPPER) or self.raised_m or not self.is_from_above:
+        if self.tool not in (*PROFILES_M, GRIPPER) or self.raised_m or not self.is_from_above:
             return None
         over_m = float(rims_m.max()) + _FINGER_ROOM_M
         heights_m = [round(over_m - (top_m - grasp["depth_m"]), 4) for grasp in self.grasps]
@@ -242,10 +259,31 @@ def equip_hand(hand: Hand, gripper: str) -> tuple[Hand, float]:
     return equipped, tool.mass_kg
 
 
+def build_tips(hand: Hand, tool: str) -> dict[str, Any]:
+    """Return the keys of finger tips on the hand of an arm, without their holder."""
+    profile_m = PROFILES_M[tool]
+    entry = {
+        "jaw_profile_m": [list(row) for row in profile_m],
+        "clearance_m": TIPS_CLEARANCE_M,
+    }
+    beyond_m = profile_m[-1][0] - TIPS_PROFILE_M[-1][0]
+    if not beyond_m:
+        return entry
+    return {**entry, "length_m": round(hand.tip_on_flange.xyz_m[2] + beyond_m, 6)}
+
+
+@cache
+def _equip_tips(hand: Hand, tool: str) -> Hand:
+    entry = {"type": "gripper", "holder_m": [0.0, 0.0], **build_tips(hand, tool)}
+    equipped = ToolConfig.model_validate(entry).hand_on(hand)
+    assert equipped is not None
+    return equipped
+
+
 def get_jaws(hand: Hand, tool: str) -> tuple[Hand, float]:
     """Return the hand with the jaws of a gripper, and their clearance on each side [m]."""
-    if tool == TIPS:
-        return replace(hand, jaw_m=TIPS_PROFILE_M, jaw_corners_m=()), TIPS_CLEARANCE_M
+    if tool in PROFILES_M:
+        return _equip_tips(hand, tool), TIPS_CLEARANCE_M
     return hand if tool == GRIPPER else equip_hand(hand, tool)[0], OPEN_M
 
 
@@ -300,11 +338,12 @@ def _search_holds(
     if above and not is_good:
         yield _hold(GRIPPER, above)
     yield from _hold_by_cup(finder, SMALL_CUP)
-    tips, clearance_m = get_jaws(hand, TIPS)
-    by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m, clearance_m=clearance_m)
-    by_tips += finder.find_inner_grasps(tips, (DOWN,))
-    if by_tips:
-        yield _hold(TIPS, sorted(by_tips, key=lambda grasp: grasp.cost))
+    for tool in PROFILES_M:
+        tips, clearance_m = get_jaws(hand, tool)
+        by_tips = finder.find_jaw_grasps(tips, (DOWN,), sunk_m, clearance_m=clearance_m)
+        by_tips += finder.find_inner_grasps(tips, (DOWN,))
+        if by_tips:
+            yield _hold(tool, sorted(by_tips, key=lambda grasp: grasp.cost))
     sides = finder.list_sides()
     beside = finder.find_jaw_grasps(hand, sides, sunk_m)
     if beside:
@@ -319,7 +358,7 @@ def _search_holds(
     raised = finder.find_jaw_grasps(hand, sides, sunk_m, _RAISED_M)
     if raised:
         yield _hold(GRIPPER, raised, _RAISED_M)
-    inside = finder.find_inner_grasps(tips, sides)
+    inside = finder.find_inner_grasps(get_jaws(hand, TIPS)[0], sides)
     if inside:
         yield _hold(TIPS, inside, _RAISED_M)
     ends = finder.find_jaw_grasps(hand, (DOWN,), sunk_m, at_ends=True)
@@ -438,6 +477,8 @@ class PartHolds:
         self._failures: dict[str, Failure] = {}
         # Parts without room for finger tips (True), or out of reach of a level hand (False).
         self._futile: set[tuple[str, bool]] = set()
+        # Parts for which finger tips may be too short.
+        self._deep: set[str] = set()
         self._extensions: dict[str, int] = {}
         self._tried_bits: dict[str, set[int]] = {}
         self._order: tuple[str, ...] = ()
@@ -566,6 +607,7 @@ class PartHolds:
         for kept in (self._failures, self._choices, self._extensions, self._tried_bits):
             kept.pop(name, None)
         self._futile -= {(name, True), (name, False)}
+        self._deep.discard(name)
         if name not in self._relation.driven:
             self.take_next(name)
 
@@ -575,13 +617,20 @@ class PartHolds:
         # A level hand that does not get there is no reason for a longer arm.
         is_far = first.is_far or (failure.is_far and from_above)
         self._failures[name] = replace(first, is_far=is_far)
-        if held is not None and held.tool == TIPS and failure.is_by_fingers:
-            self._futile.add((name, True))
+        if held is not None and held.tool == TIPS and failure.is_by_hand:
+            self._deep.add(name)
+            if failure.is_by_fingers:
+                self._futile.add((name, True))
         if held is not None and not from_above and failure.is_by_arm:
             self._futile.add((name, False))
 
     def _is_futile(self, name: str, held: Held) -> bool:
-        """Return whether a gripper is in vain as one that needs less room was."""
+        """Return whether a gripper is in vain as one that needs less room was, or long tips are.
+
+        Long tips come into question if the others meet something.
+        """
+        if held.tool == LONG_TIPS:
+            return name not in self._deep
         is_thick = held.tool == GRIPPER or held.tool in GRIPPERS
         is_usual = not (held.raised_m or held.released_m or held.at_end)
         return is_thick and is_usual and (name, held.is_from_above) in self._futile

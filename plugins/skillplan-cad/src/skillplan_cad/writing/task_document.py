@@ -51,13 +51,14 @@ from skillplan_cad.writing.held_part import (
     GRIPPERS,
     HEAVY_CUP,
     LARGE_CUP,
+    LONG_TIPS,
+    PROFILES_M,
     SMALL_CUP,
     SOCKETS,
     TIPS,
-    TIPS_CLEARANCE_M,
-    TIPS_PROFILE_M,
     WIDE_CUP,
     PartHolds,
+    build_tips,
     equip_hand,
 )
 from skillplan_cad.writing.lanes import LEAST_HEAD_M, MOST_HOVER_M, JawSpaces
@@ -134,6 +135,7 @@ FURTHER_HOLDERS: tuple[Place, ...] = (
     *((-0.26, 0.62), (-0.02, 0.62), (0.22, 0.62), (0.46, 0.62)),
     *((0.20, -0.50), (0.28, -0.50), (0.36, -0.50)),
     *((0.12, -0.50), (0.04, -0.50), (-0.04, -0.50)),
+    (-0.12, -0.50),
 )
 # Least distance of a holder from an arm that reaches down that near [m].
 _LEAST_HOLDER_M = 0.5
@@ -380,6 +382,7 @@ _HOLDER_OF: Mapping[str, Place] = dict(
             *(GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP, WIDE_CUP, HEAVY_CUP, *SOCKETS),
             *GRIPPERS,
             *(f"{word}{name}" for word in EXTENSIONS[1:] for name in (DRIVER, *SOCKETS)),
+            LONG_TIPS,
         ),
         (*HOLDERS, *FURTHER_HOLDERS),
         strict=True,
@@ -414,11 +417,10 @@ def build_tool_entries(
         tools[name] = {"type": kind, "holder_m": list(holder)}
         if kind == "gripper":
             tools[name]["opening_m"] = hand.opening_m
-            least_n = _LEAST_TIPS_N if name == TIPS else _LEAST_GRIP_N
+            least_n = _LEAST_TIPS_N if name in PROFILES_M else _LEAST_GRIP_N
             tools[name]["force_n"] = _choose_grip_n(grips_n[name], hand.force_n, least_n)
-        if name == TIPS:
-            tools[name]["jaw_profile_m"] = [list(row) for row in TIPS_PROFILE_M]
-            tools[name]["clearance_m"] = TIPS_CLEARANCE_M
+        if name in PROFILES_M:
+            tools[name] |= build_tips(hand, name)
         if name in CUPS_M and name != CUP:
             tools[name]["cup_diameter_m"] = CUPS_M[name]
         if drives:

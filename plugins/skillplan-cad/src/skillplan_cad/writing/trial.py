@@ -41,6 +41,8 @@ _RETOOLED_SHARE, _TRIED_SHARE = 0.5, 0.65
 # Shares at which the search for an order ends, that for an order of parts that had one before, and
 # its check with all paths: a task with the parts up to there is checked in the time that is left.
 _SEARCHED_SHARE, _ORDERED_SHARES, _REPLAYED_SHARES = 0.85, (0.87, 0.92), (0.9, 0.95)
+# Words of reasons for which a hand has no room.
+_HAND_WORDS = ("a finger runs into", "the hand runs into")
 # Words of reasons for which an arm does not get to a place, the second half of one included.
 _ARM_WORDS = ("the hand cannot point", "of the arm runs into", "the nearest one is")
 # Kinds of skills that bring a part or drive a screw, in order.
@@ -72,6 +74,12 @@ class Failure:
     def is_by_fingers(self) -> bool:
         """True if fingers meet another part with every grasp, so thicker ones do, too."""
         return all("a finger runs into" in clause for clause in self.text.split("; "))
+
+    @property
+    def is_by_hand(self) -> bool:
+        """True if fingers or hand meet another part with every grasp, so longer ones may not."""
+        clauses = self.text.split("; ")
+        return all(any(words in clause for words in _HAND_WORDS) for clause in clauses)
 
     @property
     def is_by_arm(self) -> bool:
