@@ -795,6 +795,33 @@ def test_a_part_that_goes_in_below_another_comes_down_beside_it():
     assert entry["insert_m"] == pytest.approx(0.029)
 
 
+def test_a_bush_goes_into_a_level_bore_from_the_side_that_has_room_for_the_hand():
+    """Held from inside; a hand beyond the wall would have to point back at the arm."""
+    bore = rod(0, 0, 0, 8, 13).rotate((0, 90, 0)).translate((24, 30, 200))
+    hole = rod(0, 0, 0, 6, 13).rotate((0, 90, 0)).translate((24, 30, 200))
+    solids = {
+        "base": box(0, 0, 0, 60, 60, 180) + box(24, 0, 180, 37, 60, 220) - bore,
+        "bush": bore - hole,
+    }
+    product, relation, plan = relate(product_of(solids))
+    bearing = cad.find_bearing(product, relation, UP, holding=True)
+    task = cad.build_task(product, relation, plan, bearing=bearing, holding=True)
+    assert task.left_out == {}
+    bush = task.document["parts"]["bush"]
+    assert sorted(bush["insert_along"]) == [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    assert bush["grasp"][0]["hold"] == "inner"
+
+
+def test_a_level_hand_takes_parts_from_a_place_with_room_for_its_wrist():
+    """0.31 m from the axis of the arm, it pointed away from it and did not reach."""
+    items = [
+        cad.Item("bush", (0.013, 0.016, 0.016), is_raised=True),
+        *(cad.Item(f"part_{n}", (0.08, 0.08, 0.16)) for n in range(4)),
+    ]
+    x, y = cad.lay_out_table((0.08, 0.08, 0.25), items, "panda").places["bush"]
+    assert math.hypot(x, y) > 0.45
+
+
 @pytest.mark.parametrize(("robot", "nearest_m"), [("panda", 0.25), ("iiwa14", 0.42)])
 def test_a_tray_keeps_parts_apart_and_within_reach(robot, nearest_m):
     items = [cad.Item(f"part_{n}", (0.04, 0.03, 0.02)) for n in range(10)]

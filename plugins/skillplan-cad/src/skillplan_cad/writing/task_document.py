@@ -127,6 +127,8 @@ _GRID_M = 0.02
 # Nearest and farthest place, as shares of the arm's reach; and the least of the nearest [m].
 _NEAREST, _FARTHEST, _NEAREST_M = 0.25, 0.8422, 0.30
 _SPREAD_RAD = math.radians(110)
+# Nearest place of a level hand, if there is room, as a share of the arm's reach.
+_NEAREST_LEVEL = 0.55
 # Holders of the usual tools, and of those for small and heavy parts.
 HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
 FURTHER_HOLDERS: tuple[Place, ...] = (
@@ -254,7 +256,13 @@ def lay_out_table(
         size, room = item.half_m, item.room_m
         spot = known.get(item.name)
         if spot is None:
-            free = np.flatnonzero(_mask_fitting(spots, size, room, taken, nearest, farthest))
+            fits = _mask_fitting(spots, size, room, taken, nearest, farthest)
+            if item.is_raised:
+                # The wrist of a level hand that points away from the arm is nearer than the part.
+                least_m = _NEAREST_LEVEL * ARMS[robot][0].works_within_m
+                level = fits & (np.hypot(*spots.T) >= least_m)
+                fits = level if level.any() else fits
+            free = np.flatnonzero(fits)
             if not len(free):
                 without.append(item.name)
                 continue
@@ -1487,6 +1495,13 @@ class TaskWriter:
             if not any(other != blockers and other & blockers == other for other in vectors)
         ]
         ways = [min(vectors[blockers], key=_get_height) for blockers in fewest]
+        # One side may have no room for the hand.
+        ways += [
+            vector
+            for blockers, way in zip(fewest, ways, strict=True)
+            for vector in vectors[blockers]
+            if np.allclose(vector, np.negative(way), atol=1e-6)
+        ]
         step = self.steps.get(part.name)
         planned = upright.vector(step.along) if step is not None and not step.path else DOWN
         first = choose_direction([vector for vector, _ in free], planned)
