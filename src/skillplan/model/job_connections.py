@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.chart.precedence_query import Undecided
 from skillplan.model.component_jobs import ComponentJobs, DoneSets, Gate
 from skillplan.model.fact_analysis import iterate_bits
 from skillplan.model.skill_model import SkillModel
@@ -54,6 +55,8 @@ class JobConnections:
     ----------
     model
         The model, queried about the skills between jobs.
+    relaxed
+        True if skills between jobs count as feasible; then the costs are lower bounds.
 
     Attributes
     ----------
@@ -66,8 +69,10 @@ class JobConnections:
         If a skill between jobs depends on the jobs that are done.
     """
 
-    def __init__(self, model: SkillModel, structure: ComponentJobs, sets: DoneSets) -> None:
-        self._model = model
+    def __init__(
+        self, model: SkillModel, structure: ComponentJobs, sets: DoneSets, *, relaxed: bool = False
+    ) -> None:
+        self._model, self._relaxed = model, relaxed
         self._bounds = model.asks_costs
         self._structure = structure
         self._sets = sets
@@ -165,6 +170,34 @@ class JobConnections:
                     heapq.heappush(queue, (cost + more, pushed, following, (*path, name)))
         return list(met.values())
 
+    def list_ways(self, situation: int, job: int) -> Iterator[tuple[float, tuple[str, ...]]]:
+        """Yield cost and skills of all paths to a job and through it, the cheapest first.
+
+        Raises
+        ------
+        Undecided
+            If there are too many paths.
+        """
+        queue = [(0.0, 0, situation, tuple[str, ...](), frozenset((situation,)))]
+        ways, pushed = list[tuple[float, int, tuple[str, ...]]](), 0
+        while queue or ways:
+            if ways and (not queue or ways[0][0] <= queue[0][0]):
+                cost, _, path = heapq.heappop(ways)
+                yield cost, path
+                continue
+            cost, _, here, path, met = heapq.heappop(queue)
+            if pushed > _MOST_SITUATIONS:
+                raise Undecided
+            pushed += 1
+            total = cost + float(self.row(here)[job])
+            if math.isfinite(total):
+                heapq.heappush(ways, (total, pushed, path))
+            for more, following, name in self.steps_from(here):
+                if following not in met:
+                    pushed += 1
+                    step = (cost + more, pushed, following, (*path, name), met | {following})
+                    heapq.heappush(queue, step)
+
     def steps_from(self, situation: int) -> list[tuple[float, int, str]]:
         """Return cost, next situation and name of each possible skill between jobs."""
         if situation not in self._edges:
@@ -172,7 +205,7 @@ class JobConnections:
             for skill, needs, bars in self._connectors:
                 if situation & needs == needs and not situation & bars:
                     cost = self._cost_of(skill, self._facts.state(situation))
-                    if math.isfinite(cost) and self._passes(skill, situation):
+                    if math.isfinite(cost) and (self._relaxed or self._passes(skill, situation)):
                         following = self.following(skill, situation)
                         edges.append((cost, following, skill.name))
             self._edges[situation] = edges

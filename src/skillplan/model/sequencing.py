@@ -27,6 +27,7 @@ from skillplan.model.job_connections import (
 )
 from skillplan.model.pooled_model import PooledModel, assign
 from skillplan.model.skill_model import SkillModel
+from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
 
 # Greatest number of states that are checked for one job.
@@ -365,28 +366,51 @@ class SequencingProblem:
             )
             priced = PricedConnections(model, structure, connections, needed)
             costs, paths_by_job = priced.costs, priced.paths
-        chosen = sorted(before)
-        _check_left_out(structure, set(before), costs)
-        index = {job: i for i, job in enumerate(chosen)}
-        paths = {
-            (index.get(source, -1), index[job]): path
-            for (source, job), path in paths_by_job.items()
-            if job in index and (source < 0 or source in index)
-        }
-        return cls(
-            tuple(structure.jobs[job].component for job in chosen),
-            tuple(tuple(skill.name for skill in structure.jobs[job].chain) for job in chosen),
-            costs[0, chosen],
-            costs[np.ix_([1 + job for job in chosen], chosen)],
-            frozenset(
-                (index[member], index[job])
-                for job in chosen
-                for member in list_members(before[job])
-            ),
-            paths,
-            model.task.step_limit,
-            assigned,
-        )
+        return assemble(model.task, structure, before, costs, paths_by_job, assigned)
+
+
+def assemble(
+    task: Task,
+    structure: ComponentJobs,
+    before: Mapping[int, int],
+    costs: NDArray[np.float64],
+    paths_by_job: Mapping[tuple[int, int], tuple[str, ...]],
+    assigned: Mapping[str, Mapping[str, str]] | None = None,
+) -> SequencingProblem:
+    """Return the problem of the jobs that every plan does.
+
+    Parameters
+    ----------
+    before
+        Predecessors of each of these jobs, as a set.
+    costs, paths_by_job
+        As of `JobConnections`, of all jobs.
+
+    Raises
+    ------
+    NotASequencing
+        If another job may make a plan cheaper.
+    """
+    chosen = sorted(before)
+    _check_left_out(structure, set(before), costs)
+    index = {job: i for i, job in enumerate(chosen)}
+    paths = {
+        (index.get(source, -1), index[job]): path
+        for (source, job), path in paths_by_job.items()
+        if job in index and (source < 0 or source in index)
+    }
+    return SequencingProblem(
+        tuple(structure.jobs[job].component for job in chosen),
+        tuple(tuple(skill.name for skill in structure.jobs[job].chain) for job in chosen),
+        costs[0, chosen],
+        costs[np.ix_([1 + job for job in chosen], chosen)],
+        frozenset(
+            (index[member], index[job]) for job in chosen for member in list_members(before[job])
+        ),
+        paths,
+        task.step_limit,
+        assigned or {},
+    )
 
 
 def _precedence(

@@ -6,6 +6,8 @@ small boards are solved at once.
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import replace
 
 from skillplan.errors import NotASequencing
@@ -21,6 +23,9 @@ from skillplan.task import back_end
 _SMALL = 24
 _LABELS = 6_000
 _SMALL_POOL = 5
+
+# Share of the time in which orders are checked without a plan, before exact search.
+_CHECKED_SHARE = 0.6
 
 # Solver for several agents that move at once.
 _FLEET = "fleet"
@@ -73,7 +78,7 @@ class AutoSolver(Solver):
             if fleet is not None and fleet.refuses(model) is None:
                 solution = self._by(fleet, model, seed, "fleet, as several agents move at once")
                 return _with_bound(solution, trial)
-            return self._by(ExactSolver(stop=self.stop), model, seed, f"exact, as {error}")
+            return _with_bound(self._check_orders(model, seed, error), trial)
         after = f"no proof by exact within {_LABELS:,} arrows" if small else "many jobs"
         if pooled > _SMALL_POOL:
             after = f"{pooled} interchangeable parts"
@@ -86,6 +91,22 @@ class AutoSolver(Solver):
                 ExactSolver(stop=self.stop), model, seed, "exact, as the step limit binds"
             )
         return solution
+
+    def _check_orders(self, model: SkillModel, seed: int, error: NotASequencing) -> Solution:
+        """Solve a task in which not every order is a plan, or that puts no jobs in order."""
+        from skillplan.solvers.ordering.solver import PortfolioSolver
+
+        left_s = self.stop.left_s
+        trial = Trial(self.stop, None if left_s is None else _CHECKED_SHARE * left_s)
+        portfolio = PortfolioSolver(stop=trial)
+        solution = Solution()
+        if portfolio.relax(model) is not None:
+            why = f"portfolio, which checks every order, as {error}"
+            solution = self._by(portfolio, model, seed, why)
+            if solution.plan is not None or solution.proved or self.stop():
+                return solution
+        exact = self._by(ExactSolver(stop=self.stop), model, seed, f"exact, as {error}")
+        return _with_bound(exact, solution)
 
     def _beyond_tables(self, model: SkillModel, seed: int, refusal: str) -> Solution:
         """Solve a task under chance that has too many states for tables."""
@@ -127,16 +148,20 @@ class Trial(Stop):
     ----------
     whole
         The stop of the whole search.
+    time_limit_s
+        Time after which the trial ends without a plan; None for no limit.
     """
 
-    def __init__(self, whole: Stop) -> None:
+    def __init__(self, whole: Stop, time_limit_s: float | None = None) -> None:
         super().__init__(memory_limit_bytes=whole.memory_limit_bytes)
+        self._until_s = math.inf if time_limit_s is None else time.monotonic() + time_limit_s
         self._whole = whole
         self.best = whole.best
 
     def __call__(self) -> bool:
         """Return whether the trial has ended, or the whole search is to stop."""
-        return super().__call__() or self._whole()
+        is_late = self.best is None and time.monotonic() > self._until_s
+        return is_late or super().__call__() or self._whole()
 
     def incumbent(self, plan: Plan) -> None:
         """Keep a plan, and pass it on."""

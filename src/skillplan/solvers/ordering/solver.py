@@ -20,6 +20,7 @@ from skillplan.task import back_end
 from skillplan.workers.processes import get_available_bytes
 
 if TYPE_CHECKING:
+    from skillplan.model.relaxed_sequencing import RelaxedSequencing
     from skillplan.model.sequencing import SequencingProblem
     from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
 
@@ -39,10 +40,13 @@ class JobOrderSolver(Solver):
     ----------
     serves_pools
         True if it solves problems in which jobs of interchangeable parts alternate.
+    checks_orders
+        True if it solves relaxed problems, too, in which not every order is a plan.
     """
 
     polls = True
     serves_pools: ClassVar[bool] = True
+    checks_orders: ClassVar[bool] = False
 
     def refuses(self, model: SkillModel) -> str | None:
         """Return the reason why the model is not a sequencing problem, or None.
@@ -57,7 +61,10 @@ class JobOrderSolver(Solver):
             # The search will end for the same reason and return its results.
             return None
         except NotASequencing as error:
-            if _find_obstacle(model) is not None:
+            try:
+                if self.relax(model) is not None or _find_obstacle(model) is not None:
+                    return None
+            except SearchStopped:
                 return None
             instead = "exact" if model.task.deterministic else "value-iteration"
             return f"{self.name} puts jobs into an order, and {error} Take {instead}."
@@ -79,6 +86,22 @@ class JobOrderSolver(Solver):
         sequencing_problem: SequencingProblem = known[1]
         return sequencing_problem
 
+    def relax(self, model: SkillModel) -> RelaxedSequencing | None:
+        """Return a model that is no sequencing problem as a relaxed one, derived once, or None."""
+        from skillplan.model.relaxed_sequencing import RelaxedSequencing
+
+        if not self.checks_orders:
+            return None
+        known = getattr(self, "_relaxed", None)
+        if known is None or known[0] is not model:
+            try:
+                relaxed = RelaxedSequencing(model)
+            except NotASequencing:
+                relaxed = None
+            self._relaxed = known = (model, relaxed)
+        relaxation: RelaxedSequencing | None = known[1]
+        return relaxation
+
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Search for the cheapest order, and for a proof that none is cheaper.
 
@@ -90,6 +113,13 @@ class JobOrderSolver(Solver):
         try:
             problem = self.problem(model)
         except NotASequencing:
+            relaxed = self.relax(model)
+            if relaxed is not None:
+                solution = self.search_checked(relaxed, seed)
+                reason = None if solution.plan or not solution.proved else _find_obstacle(model)
+                if reason is None:
+                    return solution
+                return replace(solution, trace={**solution.trace, "reason": reason})
             reason = _find_obstacle(model)
             if reason is None:
                 raise
@@ -97,6 +127,10 @@ class JobOrderSolver(Solver):
         if not problem.jobs:
             return Solution(Plan((), 0.0), 0.0, proved=True, trace={"bound_method": "no job"})
         return self.search(problem, seed)
+
+    def search_checked(self, relaxed: RelaxedSequencing, seed: int) -> Solution:
+        """Search a relaxed problem; only solvers that check orders are asked."""
+        raise NotImplementedError
 
     @abstractmethod
     def search(self, problem: SequencingProblem, seed: int) -> Solution:
@@ -113,6 +147,7 @@ class SequencingSolver(JobOrderSolver):
     """
 
     methods: ClassVar[tuple[Method, ...]] = ()
+    checks_orders = True
 
     class Options(back_end.Options):
         """Limits of the search."""
@@ -171,6 +206,15 @@ class SequencingSolver(JobOrderSolver):
         solution = self._solution(search, best[-1] if best else None)
         trace = {} if helpers is None else helpers.trace
         return replace(solution, trace={**solution.trace, **trace})
+
+    def search_checked(self, relaxed: RelaxedSequencing, seed: int) -> Solution:
+        """Search a relaxed problem; every better plan and bound is reported at once."""
+        from skillplan.solvers.ordering.checked_orders import CheckedOrders
+        from skillplan.solvers.ordering.portfolio import METHODS
+
+        methods, rounds = self.methods or METHODS, self.options.rounds
+        stop, memory = self.stop, self._memory_bytes
+        return CheckedOrders(relaxed, methods, stop, memory, seed, rounds).run()
 
     def _solution(self, search: OrderingSearch, plan: Plan | None) -> Solution:
         effort = search.effort

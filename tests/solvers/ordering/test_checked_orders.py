@@ -1,0 +1,129 @@
+"""Sequencing where the way between two parts matters: orders are checked one by one."""
+
+import random
+
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+
+import situations
+from example_count import examples
+from situations import fake_back_end, model_of
+from skillplan.errors import NotASequencing
+from skillplan.model import SequencingProblem, replay
+from skillplan.pipeline import load_problem, make_solver
+from skillplan.task import Verdict
+
+
+def rule_by(task, clauses):
+    """Return a back end that refuses a skill where all facts of one of its clauses are so."""
+
+    def rule(skill, state):
+        present, absent = set(), set()
+        for clause in clauses.get(skill.name, ()):
+            wrong = [name for name, holds in clause if (name in state) != holds]
+            if not wrong:
+                present |= {name for name, holds in clause if holds}
+                absent |= {name for name, holds in clause if not holds}
+                facts = task.facts.of(*present), task.facts.of(*absent)
+                return Verdict.infeasible("in the way", *facts)
+            (present if wrong[0] in state else absent).add(wrong[0])
+        return Verdict.feasible(task.facts.of(*present), task.facts.of(*absent))
+
+    return fake_back_end(task, rule)
+
+
+def draw_clauses(task, seed, share):
+    """Return clauses about where the arm comes from, and about one or two parts."""
+    rng = random.Random(seed)
+    places = [name for name in task.facts.names if name.startswith("at(")]
+    parts = [name for name in task.facts.names if name.startswith(("placed", "fastened"))]
+    clauses = {}
+    for skill in task.skills:
+        clauses[skill.name] = drawn = []
+        while rng.random() < share:
+            chosen = rng.sample(parts, min(len(parts), rng.randint(0, 2)))
+            chosen += [rng.choice(places)] if rng.random() < 0.6 or not chosen else []
+            drawn.append([(name, name in places or rng.random() < 0.6) for name in chosen])
+    return clauses
+
+
+@settings(max_examples=examples(150))
+@given(
+    content=situations.small_assemblies(),
+    seed=st.integers(0, 2**32),
+    share=st.sampled_from([0.1, 0.3, 0.5]),
+)
+def test_it_proves_what_exact_search_proves_wherever_paths_are_refused(content, seed, share):
+    """Both say the same of random boards, also that there is no plan."""
+    task = situations.assembly(content).replace(step_limit=200)
+    clauses = draw_clauses(task, seed, share)
+    solver = make_solver("portfolio", {})
+    model = model_of(task, rule_by(task, clauses))
+    try:
+        SequencingProblem.from_model(model)
+        event("every order is a plan")
+    except NotASequencing:
+        event("orders are checked" if solver.relax(model) is not None else "refused")
+    if solver.refuses(model) is not None:
+        return
+    exact = make_solver("exact", {}).solve(model_of(task, rule_by(task, clauses)))
+    solution = solver.solve(model)
+    assert solution.proved
+    assert (solution.plan is None) == (exact.plan is None)
+    if exact.plan is not None:
+        assert solution.plan.cost == pytest.approx(exact.plan.cost, abs=1e-6)
+        walked = replay(model, [task.skill(name) for name in solution.plan.skills])
+        assert walked.complete
+        assert walked.cost == pytest.approx(solution.plan.cost, abs=1e-9)
+
+
+def board():
+    return load_problem("configs/inverter_board.yaml").task
+
+
+def solve_by(task, clauses, name="portfolio"):
+    return make_solver(name, {}).solve(model_of(task, rule_by(task, clauses)))
+
+
+def test_a_path_that_is_refused_is_replaced_by_the_cheapest_other_one():
+    """The arm may not come from where the best plan comes from."""
+    task = board()
+    free = solve_by(task, {})
+    names = free.plan.skills
+    first = next(name for name in names if name.startswith("pick("))
+    later = next(name for name in names[names.index(first) + 1 :] if name.startswith("pick("))
+    before = names[names.index(later) - 1]
+    state = task.initial
+    for name in names[: names.index(before) + 1]:
+        state = task.skill(name).prediction.apply(state)
+    place = next(fact for fact in state if fact.startswith("at("))
+    clauses = {later: [[(place, True)]]}
+    solution = solve_by(task, clauses)
+    assert solution.proved
+    assert solution.plan.cost == pytest.approx(solve_by(task, clauses, "exact").plan.cost)
+    assert solution.plan.cost >= free.plan.cost - 1e-9
+
+
+def test_one_of_two_supports_is_enough():
+    """No precedence says so, but a conflict does."""
+    task = board()
+    parts = [name for name in task.facts.names if name.startswith("placed(")]
+    last = parts[-1][len("placed(") : -1]
+    clauses = {f"place({last})": [[(parts[0], False), (parts[1], False)]]}
+    solution, exact = solve_by(task, clauses), solve_by(task, clauses, "exact")
+    assert solution.proved
+    assert solution.plan.cost == pytest.approx(exact.plan.cost)
+
+
+def test_without_any_order_the_proof_is_that_there_is_none():
+    """Each of two parts must come before the other, wherever the arm is."""
+    task = board()
+    one, other = [name for name in task.facts.names if name.startswith("placed(")][:2]
+    clauses = {
+        f"pick({one[7:-1]})": [[(other, False), ("at(home)", True)], [(other, False)]],
+        f"pick({other[7:-1]})": [[(one, False)]],
+    }
+    solution = solve_by(task, clauses)
+    assert solution.proved
+    assert solution.plan is None
