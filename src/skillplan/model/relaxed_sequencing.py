@@ -164,6 +164,9 @@ class RelaxedSequencing:
         if verdict.status is VerdictStatus.UNKNOWN:
             return _UNKNOWN
         named, depends = self._reduce(refusal, verdict)
+        if depends and len(self._chosen) < len(self._structure.jobs):
+            # Another way to the job may lead through one that the goal does not need.
+            return _UNKNOWN
         pairs = []
         for other in list_members(named):
             if other not in self._index:
@@ -176,8 +179,8 @@ class RelaxedSequencing:
         """Return few jobs that a refusal rests on, and whether it rests on the path.
 
         A back end tells the first obstacle that it meets, so its verdict rests on the absence of
-        the obstacles before it. If the skill is refused with another job done, and
-        without, both verdicts together rest on all other jobs alone: their resolvent.
+        the obstacles before it. If the skill is refused with another job done, and without, both
+        verdicts together do not rest on this job: their resolvent.
         """
         named, depends = self._list_named(refusal, verdict)
         changed = []

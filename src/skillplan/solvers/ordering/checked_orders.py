@@ -100,7 +100,7 @@ class CheckedOrders:
             if self._queue[0].bound >= self._cutoff:
                 break
             self._search(heapq.heappop(self._queue))
-            self._stop.bound(min(self._bound, self._cost), self._count)
+            self._tell(self._bound)
         bound = self._bound
         proved = bound >= self._cutoff and (self._best is not None or bound == math.inf)
         trace: dict[str, Any] = {
@@ -206,7 +206,9 @@ class CheckedOrders:
 
     def _tell(self, bound: float) -> None:
         """Report the bound of the node that is searched, as far as it holds for all plans."""
-        self._stop.bound(min(bound, self._bound, self._cost), self._count)
+        bound = min(bound, self._bound, self._cost)
+        if bound < math.inf:
+            self._stop.bound(bound, self._count)
 
     def _check(
         self, problem: SequencingProblem, taken: Mapping[Arc, int], jobs: tuple[int, ...]
