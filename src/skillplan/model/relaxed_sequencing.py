@@ -165,7 +165,7 @@ class RelaxedSequencing:
             return _UNKNOWN
         named, depends = self._reduce(refusal, verdict)
         if depends and len(self._chosen) < len(self._structure.jobs):
-            # Another way to the job may lead through one that the goal does not need.
+            # Another way to the job may lead through a job outside the goal.
             return _UNKNOWN
         pairs = []
         for other in list_members(named):

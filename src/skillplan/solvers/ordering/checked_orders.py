@@ -184,7 +184,7 @@ class CheckedOrders:
         return nodes if nodes is not None and orders.instance.feasible(nodes) else None
 
     def _propagate(self, node: _Node) -> frozenset[Pair] | None:
-        """Return the precedence of a node with all that follows from it; None for no order."""
+        """Return the precedence of a node with its consequences; None for no order."""
         pairs = self._relaxed.problem.precedence | self._precedence | node.precedence
         before = np.zeros((len(self._relaxed.problem.jobs),) * 2, dtype=np.bool_)
         grows = True
