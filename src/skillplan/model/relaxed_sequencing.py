@@ -142,12 +142,18 @@ class RelaxedSequencing:
         return replace(self.problem, first=first, costs=costs, paths=paths), taken
 
     def find_conflicts(
-        self, problem: SequencingProblem, taken: Mapping[Arc, int], order: Sequence[int]
+        self,
+        problem: SequencingProblem,
+        taken: Mapping[Arc, int],
+        order: Sequence[int],
+        must_stop: Callable[[], bool],
     ) -> list[Conflict]:
         """Return why an order of a diverted problem is no plan; empty if it is one."""
-        conflicts = []
+        conflicts = list[Conflict]()
         state, before, done = self._model.initial, -1, 0
         for job in order:
+            if must_stop():
+                return [*conflicts, _UNKNOWN]
             arc, path = (before, job), problem.paths.get((before, job), ())
             for number, name in enumerate((*path, *problem.skills[job]), -len(path)):
                 skill = self._skills[name]

@@ -129,15 +129,7 @@ class JobQuery:
         verdict = yield skill, state
         if verdict.status is VerdictStatus.UNKNOWN:
             raise Undecided
-        assert verdict.present is not None
-        assert verdict.absent is not None
-        holds, lacks = structure.settled(self._index, position)
-        open_bits = verdict.present.bits & ~holds | verdict.absent.bits & ~lacks
-        if open_bits & structure.situation:
-            fact = structure.task.facts.names_of(open_bits & structure.situation)[0]
-            literal = fact if fact in verdict.present else f"not {fact}"
-            kind = HypotheticalStates(structure.task).dependence(fact)
-            raise structure.no(f"{skill.name} depends on {kind}: {literal}")
+        _refuse_dependence(structure, self._index, position, verdict)
         return verdict
 
     def _blamed(self, verdict: Verdict) -> int:
@@ -235,6 +227,33 @@ class JobQuery:
             if not more & never:
                 yield from self._cover(position, more, never, closed_before)
             never |= other
+
+
+def _refuse_dependence(structure: ComponentJobs, job: int, position: int, verdict: Verdict) -> None:
+    """Refuse a verdict on a skill of a job that rests on more than the done jobs."""
+    assert verdict.present is not None
+    assert verdict.absent is not None
+    holds, lacks = structure.settled(job, position)
+    open_bits = verdict.present.bits & ~holds | verdict.absent.bits & ~lacks
+    if open_bits & structure.situation:
+        fact = structure.task.facts.names_of(open_bits & structure.situation)[0]
+        literal = fact if fact in verdict.present else f"not {fact}"
+        kind = HypotheticalStates(structure.task).dependence(fact)
+        name = structure.jobs[job].chain[position].name
+        raise structure.no(f"{name} depends on {kind}: {literal}")
+
+
+def _try_first_skill(model: SkillModel, structure: ComponentJobs) -> None:
+    """Refuse a model in which the first skill of a job depends on more than the done jobs.
+
+    Skills between jobs are checked in many situations; this one check mostly spares them.
+    """
+    for index, job in enumerate(structure.jobs):
+        if job.chain[0].applicable(model.initial):
+            verdict = model.verdict(model.initial, job.chain[0])
+            if verdict.status is not VerdictStatus.UNKNOWN:
+                _refuse_dependence(structure, index, 0, verdict)
+            return
 
 
 # Rounding error of the cost of a path with one job less.
@@ -356,6 +375,7 @@ class SequencingProblem:
         )
         if several is not None:
             raise structure.no(f"how long {several} takes depends on the way that it can take")
+        _try_first_skill(model, structure)
         sets = DoneSets(structure)
         connections = JobConnections(model, structure, sets)
         costs, paths_by_job = connections.matrix(), connections.paths

@@ -216,7 +216,7 @@ class CheckedOrders:
         """Return the conflicts of an order; keep the plan of one without."""
         if not problem.fits(jobs):
             return [Conflict((), is_whole=False)]
-        conflicts = self._relaxed.find_conflicts(problem, taken, jobs)
+        conflicts = self._relaxed.find_conflicts(problem, taken, jobs, self._stop)
         if not conflicts and problem.cost(jobs) < self._cost:
             self._has_checked = True
             self._keep(Plan(problem.plan(jobs), problem.cost(jobs)))
