@@ -133,6 +133,14 @@ class ComponentJobs:
         holds, lacks = self.jobs[job].known[position]
         return holds | self._constant & self._initial, lacks | self._constant & ~self._initial
 
+    def find_open_bits(self, job: int, position: int, verdict: Verdict) -> int:
+        """Return the bits that vary of the situation that a verdict on a skill rests on."""
+        holds, lacks = self.settled(job, position)
+        assert verdict.present is not None
+        assert verdict.absent is not None
+        rests_on = verdict.present.bits & ~holds | verdict.absent.bits & ~lacks
+        return rests_on & self.situation
+
     def _named_bits(self) -> dict[str, int]:
         """Return the bits of the facts of each component, without facts that costs depend on."""
         basis, depended = CostBasis(), self._told_basis

@@ -1,6 +1,6 @@
 """Sequencing problems of models in which not every order is a plan.
 
-Whether the arm gets from one job to the next may depend on its way, and on the parts in place.
+The path of the arm from one job to the next may be blocked, which depends on the parts in place.
 Such a model is relaxed: every plan is an order, and the cheapest order costs no more than the best
 plan. An order that is no plan has conflicts, each of which every plan avoids in one of few ways.
 """
@@ -208,16 +208,12 @@ class RelaxedSequencing:
 
     def _list_named(self, refusal: _Refusal, verdict: Verdict) -> tuple[int, bool]:
         """Return the other jobs that a verdict rests on, and whether it rests on the path."""
-        present, absent = verdict.present, verdict.absent
-        assert present is not None
-        assert absent is not None
-        named, holds, lacks = self._sets.named(verdict), 0, 0
-        if refusal.number >= 0:
-            own = self._chosen[refusal.job]
-            named &= ~(1 << own)
-            holds, lacks = self._structure.settled(own, refusal.number)
-        rests_on = present.bits & ~holds | absent.bits & ~lacks
-        return named, refusal.number < 0 or bool(rests_on & self._structure.situation)
+        named = self._sets.named(verdict)
+        if refusal.number < 0:
+            return named, True
+        own = self._chosen[refusal.job]
+        depends = bool(self._structure.find_open_bits(own, refusal.number, verdict))
+        return named & ~(1 << own), depends
 
     def _find_way(self, arc: Arc, number: int) -> tuple[float, tuple[str, ...]]:
         """Return the cost and the path of one of the ways to a job; inf if there are fewer."""

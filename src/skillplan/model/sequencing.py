@@ -231,13 +231,10 @@ class JobQuery:
 
 def _refuse_dependence(structure: ComponentJobs, job: int, position: int, verdict: Verdict) -> None:
     """Refuse a verdict on a skill of a job that rests on more than the done jobs."""
-    assert verdict.present is not None
-    assert verdict.absent is not None
-    holds, lacks = structure.settled(job, position)
-    open_bits = verdict.present.bits & ~holds | verdict.absent.bits & ~lacks
-    if open_bits & structure.situation:
-        fact = structure.task.facts.names_of(open_bits & structure.situation)[0]
-        literal = fact if fact in verdict.present else f"not {fact}"
+    open_bits = structure.find_open_bits(job, position, verdict)
+    if open_bits:
+        fact = structure.task.facts.names_of(open_bits)[0]
+        literal = fact if verdict.present and fact in verdict.present else f"not {fact}"
         kind = HypotheticalStates(structure.task).dependence(fact)
         name = structure.jobs[job].chain[position].name
         raise structure.no(f"{name} depends on {kind}: {literal}")

@@ -98,15 +98,11 @@ class AutoSolver(Solver):
 
         left_s = self.stop.left_s
         trial = Trial(self.stop, None if left_s is None else _CHECKED_SHARE * left_s)
-        portfolio = PortfolioSolver(stop=trial)
-        solution = Solution()
-        if portfolio.relax(model) is not None:
-            why = f"portfolio, which checks every order, as {error}"
-            solution = self._by(portfolio, model, seed, why)
-            if solution.plan is not None or solution.proved or self.stop():
-                return solution
+        checked = PortfolioSolver(stop=trial).solve_relaxed(model, seed)
+        if checked is not None and (checked.plan is not None or checked.proved or self.stop()):
+            return _because(checked, f"portfolio, which checks every order, as {error}")
         exact = self._by(ExactSolver(stop=self.stop), model, seed, f"exact, as {error}")
-        return _with_bound(exact, solution)
+        return exact if checked is None else _with_bound(exact, checked)
 
     def _beyond_tables(self, model: SkillModel, seed: int, refusal: str) -> Solution:
         """Solve a task under chance that has too many states for tables."""

@@ -79,7 +79,7 @@ class CheckedOrders:
         self._best: Plan | None = stop.best
         self._queue = [_Node(0.0, 0)]
         self._count = 1
-        # What holds in every plan, and pairs of which one does.
+        # Precedence and refused paths of all plans, and pairs one of which every plan keeps.
         self._precedence: set[Pair] = set()
         self._refused: dict[Arc, frozenset[int]] = {}
         self._either: dict[tuple[Pair, ...], None] = {}
@@ -217,9 +217,10 @@ class CheckedOrders:
         if not problem.fits(jobs):
             return [Conflict((), is_whole=False)]
         conflicts = self._relaxed.find_conflicts(problem, taken, jobs, self._stop)
-        if not conflicts and problem.cost(jobs) < self._cost:
+        cost = problem.cost(jobs)
+        if not conflicts and cost < self._cost:
             self._has_checked = True
-            self._keep(Plan(problem.plan(jobs), problem.cost(jobs)))
+            self._keep(Plan(problem.plan(jobs), cost))
         return conflicts
 
     def _keep(self, plan: Plan) -> None:

@@ -40,13 +40,10 @@ class JobOrderSolver(Solver):
     ----------
     serves_pools
         True if it solves problems in which jobs of interchangeable parts alternate.
-    checks_orders
-        True if it solves relaxed problems, too, in which not every order is a plan.
     """
 
     polls = True
     serves_pools: ClassVar[bool] = True
-    checks_orders: ClassVar[bool] = False
 
     def refuses(self, model: SkillModel) -> str | None:
         """Return the reason why the model is not a sequencing problem, or None.
@@ -82,25 +79,24 @@ class JobOrderSolver(Solver):
 
         known = getattr(self, "_known", None)
         if known is None or known[0] is not model:
-            self._known = known = (model, SequencingProblem.from_model(model))
+            derived: SequencingProblem | NotASequencing
+            try:
+                derived = SequencingProblem.from_model(model)
+            except NotASequencing as error:
+                derived = error
+            self._known = known = (model, derived)
+        if isinstance(known[1], NotASequencing):
+            raise known[1]
         sequencing_problem: SequencingProblem = known[1]
         return sequencing_problem
 
     def relax(self, model: SkillModel) -> RelaxedSequencing | None:
-        """Return a model that is no sequencing problem as a relaxed one, derived once, or None."""
-        from skillplan.model.relaxed_sequencing import RelaxedSequencing
+        """Return a model as a relaxed sequencing problem; None if the solver solves none."""
+        return None
 
-        if not self.checks_orders:
-            return None
-        known = getattr(self, "_relaxed", None)
-        if known is None or known[0] is not model:
-            try:
-                relaxed = RelaxedSequencing(model)
-            except NotASequencing:
-                relaxed = None
-            self._relaxed = known = (model, relaxed)
-        relaxation: RelaxedSequencing | None = known[1]
-        return relaxation
+    def solve_relaxed(self, model: SkillModel, seed: int) -> Solution | None:
+        """Search for the cheapest order that is a plan; None without a relaxed problem."""
+        return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Search for the cheapest order, and for a proof that none is cheaper.
@@ -113,13 +109,9 @@ class JobOrderSolver(Solver):
         try:
             problem = self.problem(model)
         except NotASequencing:
-            relaxed = self.relax(model)
-            if relaxed is not None:
-                solution = self.search_checked(relaxed, seed)
-                reason = None if solution.plan or not solution.proved else _find_obstacle(model)
-                if reason is None:
-                    return solution
-                return replace(solution, trace={**solution.trace, "reason": reason})
+            solution = self.solve_relaxed(model, seed)
+            if solution is not None:
+                return solution
             reason = _find_obstacle(model)
             if reason is None:
                 raise
@@ -127,10 +119,6 @@ class JobOrderSolver(Solver):
         if not problem.jobs:
             return Solution(Plan((), 0.0), 0.0, proved=True, trace={"bound_method": "no job"})
         return self.search(problem, seed)
-
-    def search_checked(self, relaxed: RelaxedSequencing, seed: int) -> Solution:
-        """Search a relaxed problem; only solvers that check orders are asked."""
-        raise NotImplementedError
 
     @abstractmethod
     def search(self, problem: SequencingProblem, seed: int) -> Solution:
@@ -147,7 +135,6 @@ class SequencingSolver(JobOrderSolver):
     """
 
     methods: ClassVar[tuple[Method, ...]] = ()
-    checks_orders = True
 
     class Options(back_end.Options):
         """Limits of the search."""
@@ -207,14 +194,35 @@ class SequencingSolver(JobOrderSolver):
         trace = {} if helpers is None else helpers.trace
         return replace(solution, trace={**solution.trace, **trace})
 
-    def search_checked(self, relaxed: RelaxedSequencing, seed: int) -> Solution:
-        """Search a relaxed problem; every better plan and bound is reported at once."""
+    def relax(self, model: SkillModel) -> RelaxedSequencing | None:
+        """Return a model as a relaxed sequencing problem, derived once; None if it is none."""
+        from skillplan.model.relaxed_sequencing import RelaxedSequencing
+
+        known = getattr(self, "_relaxed", None)
+        if known is None or known[0] is not model:
+            try:
+                relaxed = RelaxedSequencing(model)
+            except NotASequencing:
+                relaxed = None
+            self._relaxed = known = (model, relaxed)
+        relaxation: RelaxedSequencing | None = known[1]
+        return relaxation
+
+    def solve_relaxed(self, model: SkillModel, seed: int) -> Solution | None:
+        """Search for the cheapest order that is a plan; better plans are reported at once."""
         from skillplan.solvers.ordering.checked_orders import CheckedOrders
         from skillplan.solvers.ordering.portfolio import METHODS
 
+        relaxed = self.relax(model)
+        if relaxed is None:
+            return None
         methods, rounds = self.methods or METHODS, self.options.rounds
-        stop, memory = self.stop, self._memory_bytes
-        return CheckedOrders(relaxed, methods, stop, memory, seed, rounds).run()
+        search = CheckedOrders(relaxed, methods, self.stop, self._memory_bytes, seed, rounds)
+        solution = search.run()
+        reason = None if solution.plan or not solution.proved else _find_obstacle(model)
+        if reason is None:
+            return solution
+        return replace(solution, trace={**solution.trace, "reason": reason})
 
     def _solution(self, search: OrderingSearch, plan: Plan | None) -> Solution:
         effort = search.effort

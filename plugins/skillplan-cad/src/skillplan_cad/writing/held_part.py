@@ -625,9 +625,10 @@ class PartHolds:
             self._futile.add((name, False))
 
     def _is_futile(self, name: str, held: Held) -> bool:
-        """Return whether a gripper is in vain as one that needs less room was, or long tips are.
+        """Return whether a gripper need not be tried.
 
-        Long tips come into question if the others meet something.
+        Fingers have no room where thinner ones had none; long tips help only where shorter ones
+        met something.
         """
         if held.tool == LONG_TIPS:
             return name not in self._deep

@@ -73,18 +73,17 @@ class Failure:
     @property
     def is_by_fingers(self) -> bool:
         """True if fingers meet another part with every grasp, so thicker ones do, too."""
-        return all("a finger runs into" in clause for clause in self.text.split("; "))
+        return _has_each(self.text, ("a finger runs into",))
 
     @property
     def is_by_hand(self) -> bool:
         """True if fingers or hand meet another part with every grasp, so longer ones may not."""
-        clauses = self.text.split("; ")
-        return all(any(words in clause for words in _HAND_WORDS) for clause in clauses)
+        return _has_each(self.text, _HAND_WORDS)
 
     @property
     def is_by_arm(self) -> bool:
         """True if the arm does not get to any grasp, so no longer hand does, either."""
-        return all(any(words in clause for words in _ARM_WORDS) for clause in self.text.split("; "))
+        return _has_each(self.text, _ARM_WORDS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -610,4 +609,9 @@ def _describe(verdict: Verdict, kind: str, name: str) -> Failure:
 
 def tells_fall(text: str) -> bool:
     """Return whether all reasons in a text, separated by semicolons, are that a part falls."""
-    return all(any(words in clause for words in _FALLS) for clause in text.split("; "))
+    return _has_each(text, _FALLS)
+
+
+def _has_each(text: str, options: Sequence[str]) -> bool:
+    """Return whether each clause of a text, separated by semicolons, has one of some words."""
+    return all(any(words in clause for words in options) for clause in text.split("; "))

@@ -497,7 +497,7 @@ class SkillRunner(ControlledRobot):
         if guides.force_n is not None:
             self.sensed["insertion_limit_n"] = guides.force_n
         if not guides.led:
-            # A heavy arm on springs would go on to move as it still moves beside its path.
+            # A heavy arm that still moves would swing on the springs.
             self.wait(_SWING_S)
             # Until the part is released, or the screw driven.
             self.arm.yields = True
