@@ -127,6 +127,9 @@ _GRID_M = 0.02
 # Nearest and farthest place, as shares of the arm's reach; and the least of the nearest [m].
 _NEAREST, _FARTHEST, _NEAREST_M = 0.25, 0.8422, 0.30
 _SPREAD_RAD = math.radians(110)
+# Most that a part slides further in the opposite direction, which is tried, too [-]; contacts are
+# sampled.
+_LONGER_TRAVEL = 1.25
 # Nearest place of a level hand, if there is room, as a share of the arm's reach.
 _NEAREST_LEVEL = 0.55
 # Holders of the usual tools, and of those for small and heavy parts.
@@ -1501,6 +1504,8 @@ class TaskWriter:
             for blockers, way in zip(fewest, ways, strict=True)
             for vector in vectors[blockers]
             if np.allclose(vector, np.negative(way), atol=1e-6)
+            and self._measure_travel_m(part, vector)
+            <= _LONGER_TRAVEL * self._measure_travel_m(part, way)
         ]
         step = self.steps.get(part.name)
         planned = upright.vector(step.along) if step is not None and not step.path else DOWN
@@ -1512,6 +1517,16 @@ class TaskWriter:
             return [list(first)]
         others = [way for way in ways if not np.allclose(way, first, atol=1e-6)]
         return [list(way) for way in (first, *others)][:_MOST_DIRECTIONS]
+
+    def _measure_travel_m(self, part: Part, way: Vector) -> float:
+        """Return how far a part slides along others when it goes in; 0 if it touches none."""
+        along = np.asarray(way) @ self.upright.of(part.name).matrix
+        touched = [
+            float((np.asarray(contact.points_m) @ along).min())
+            for contact in self.relation.contacts
+            if part.name in contact.parts and contact.points_m
+        ]
+        return float((part.vertices_m @ along).max()) - min(touched) if touched else 0.0
 
     def _build_screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
         # From its head on; a nut lies on the part beneath its rod.
