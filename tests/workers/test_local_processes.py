@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -97,6 +98,21 @@ class TestEnds:
         assert isinstance(ended, Ended)
         assert ("signal 9", True) == (ended.how, ended.killed)
         assert not worker.alive
+
+    def test_one_whose_client_is_killed_as_it_starts_prints_nothing(self):
+        """Its arguments were cut off once, and Python prints a traceback of that."""
+        program = (
+            "import os, signal, threading\n"
+            "from functools import partial\n"
+            "from skillplan.workers import LocalProcesses, pack_content\n"
+            "content = pack_content(bytes(10_000_000), 'tests')\n"
+            "end = (os.getpid(), signal.SIGKILL)\n"
+            "threading.Timer(0.1, os.kill, end).start()\n"
+            "LocalProcesses(1).start(partial, content, 'tests')\n"
+        )
+        ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+        assert -signal.SIGKILL == ended.returncode
+        assert "" == ended.stderr
 
     def test_what_cannot_make_itself_ready_is_an_error_in_words(self, executor):
         """`partial` refuses what cannot be called."""

@@ -98,11 +98,14 @@ class WorkerProcess(Worker):
         self.line, far = context.Pipe()
         self.ended = False
         self._started = False
-        arguments = (far, prepare, content, bool(unreadable()))
+        arguments = (far, bool(unreadable()))
         self._process = context.Process(target=_serve, args=arguments, daemon=True)
         try:
             with _interrupts_blocked():
                 self._process.start()
+                # Not among the arguments: if this process is killed while it writes many bytes of
+                # them, the new one prints a traceback.
+                self.take((prepare, content))
         except OSError as error:
             self.line.close()
             raise SkillplanError(
@@ -188,8 +191,8 @@ def _interrupts_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(line: Connection, prepare: Prepare, content: bytes, shielded: bool) -> None:
-    """Do jobs until the pipe is closed."""
+def _serve(line: Connection, shielded: bool) -> None:
+    """Prepare, then do jobs until the pipe is closed."""
     if shielded:
         shield_libraries()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -201,9 +204,12 @@ def _serve(line: Connection, prepare: Prepare, content: bytes, shielded: bool) -
     os.dup2(silence, 1)
     os.close(silence)
     # The client may be gone at any time.
-    with suppress(EOFError, ConnectionError):
+    with suppress(ConnectionError):
         try:
+            prepare, content = _receive(line)
             work = prepare(pickle.loads(content))
+        except ConnectionError:
+            return
         except BackEndError as error:
             line.send((_FAILED, (BackEndError, str(error))))
             return
@@ -221,7 +227,15 @@ def _serve(line: Connection, prepare: Prepare, content: bytes, shielded: bool) -
         connect(lambda news: say(_NEWS, news))
         say(_READY, None)
         while True:
-            say(_DONE, work(line.recv()))
+            say(_DONE, work(_receive(line)))
+
+
+def _receive(line: Connection) -> Any:
+    try:
+        message = line.recv_bytes()
+    except (EOFError, OSError):
+        raise ConnectionError("the client is gone") from None
+    return pickle.loads(message)
 
 
 def _end_with_parent() -> None:
