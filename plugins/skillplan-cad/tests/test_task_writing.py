@@ -16,10 +16,14 @@ import skillplan_cad as cad
 from cad_fixtures import box, part_of, rod
 from cad_products import product as fixture
 from cad_products import related, relation
+from skillplan import load_problem
 from skillplan.cli import run
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.errors import Issue
 from skillplan.robots import ARMS
+from skillplan.task import Pose
+from skillplan_mujoco import MujocoSimulator
+from skillplan_simulation import ExecutionSettings, get_hand
 
 TOLERANCE_M = 1e-4
 HAND = ARMS["panda"][1]
@@ -929,3 +933,38 @@ def test_a_light_base_that_is_pushed_sideways_stands_in_a_nest(tmp_path, capsys)
         7850.0, watch=cad.Watch(attempt=lambda make, share: None if share == 0.75 else make())
     )
     assert (late.nest, late.why_no_nest) == (None, "none was cut in the time")
+
+
+@pytest.mark.slow(reason="simulates; 12 landings of a nut")
+def test_an_eccentric_nut_that_is_let_go_over_a_round_hole_keeps_its_angle(tmp_path):
+    """Seams between pieces of both parts meet as it lands, 0.3 mm lower."""
+    hexagon = manifold3d.Manifold.cylinder(5, 4.544, 4.544, 6).translate((0, 0.82, 3.5))
+    boss = rod(0, 0, 0, 3.555, 2.5) + rod(0, 0.82, 2.5, 5, 1) - rod(0, 0.82, 0, 2.5, 8.5)
+    nut = (boss + hexagon - rod(0, 0.82, 0, 2.5, 8.5)).translate((30, 30, 3.5))
+    plate = box(0, 0, 0, 60, 60, 6) - rod(30, 30, 0, 3.6, 6) - rod(30, 30, 0, 6, 1.5)
+    for name, content in assembled(("plate", plate), ("nut", nut)).files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(content, "utf-8")
+    task = load_problem(tmp_path / "product.yaml").task
+    (robot,) = task.scene.robots
+    goals = {
+        name: task.skill(f"place({name})").motion.routes[0].visits[-1].pose
+        for name in ("plate", "nut")
+    }
+    random = np.random.default_rng(1)
+    for _ in range(12):
+        aside_m, tilts_rad = random.normal(0, 1e-5, 2), random.normal(0, 2e-4, 2)
+        turned_rad = random.normal(0, 3e-3)
+        world, arm = MujocoSimulator(task, ExecutionSettings()).cell(get_hand(robot))
+        arm.stand(arm.kinematics.home_rad, 0.04)
+        world.add(task.scene.body("plate"), goals["plate"])
+        place_m = np.add(goals["nut"].position, (*aside_m, 3e-4))
+        axis = np.array([*tilts_rad, turned_rad, 2.0]) / 2
+        x, y, z, w = axis / np.linalg.norm(axis)
+        world.add(task.scene.body("nut"), Pose(tuple(place_m.tolist()), (x, y, z, w)))
+        world.stand(["nut"])
+        for _ in range(60):
+            arm.actuate()
+            world.step()
+        *_, z, w = world.pose("nut").orientation
+        assert 2 * math.atan2(z, w) == pytest.approx(turned_rad, abs=math.radians(0.5))

@@ -45,8 +45,8 @@ _NULLSPACE_STIFFNESS_PER_S2 = 400.0
 # Springs of a tip that yields, as of a compliance device [N/m], [N m/rad], and their damping ratio.
 SPRING_N_PER_M, _SPRING_NM_PER_RAD = 1e4, 200.0
 _SPRING_DAMPING = 0.7
-# Steps of control in a step of the world on springs, as the hand is light, and for falling parts.
-_FINE_STEPS = 4
+# Steps of control in a step of the world on springs, as the hand is light, and for parts that land.
+_FINE_STEPS, _LANDING_STEPS = 4, 10
 # Share of a joint's lag that position control removes in one step [-].
 _SERVO_SHARE = 0.3
 
@@ -322,7 +322,7 @@ class SimulatedArm(Arm):
         # Servos of joints do not yield. A part that has sunk into many pieces is pushed aside.
         is_fine = self.yields and self.settings.control == "osc"
         is_landing = self.world.has_falling()
-        count = _FINE_STEPS if is_fine or is_landing else 1
+        count = _LANDING_STEPS if is_landing else _FINE_STEPS if is_fine else 1
         self.world.divide(count, stiff=is_landing)
         self.world.prepare()
         self._move_jaws()

@@ -198,6 +198,9 @@ _FAR_M, _FAST_M_PER_S = 10.0, 50.0
 _NEAR_M = 0.0005
 # Speed at which a body that lands sinks a tenth of a millimetre in a step [m/s].
 _FALLING_M_PER_S = 1e-4 / STEP_S
+# Steps after that in which it comes to rest, and damping ratio of its contacts meanwhile: pieces
+# that sink beside a seam are pushed aside, and a light part spins if it bounces.
+_LANDING_STEPS, _LANDING_DAMPING = 12, 3.0
 # Speed that wakes a body and moves it by nothing that counts [m/s].
 _WAKING_M_PER_S = 1e-12
 # MuJoCo's counter of a body that may sleep after ten steps at rest.
@@ -224,6 +227,8 @@ class World(simulator.World):
         # Bodies that a skill moves, which stay awake, and the numbers of their trees.
         self._handled: list[str] = []
         self._moving: list[int] = []
+        # Steps until a part that fell is at rest.
+        self._landing = 0
         self.filters.set()
 
     def show_arm(self) -> None:
@@ -265,10 +270,11 @@ class World(simulator.World):
         Parameters
         ----------
         stiff
-            True if contacts are as stiff as the shorter steps allow.
+            True if contacts are as stiff as the shorter steps allow, and do not bounce.
         """
         self.model.opt.timestep = STEP_S / count
         self.model.geom_solref[:, 0] = STIFF[0] / (count if stiff else 1)
+        self.model.geom_solref[:, 1] = _LANDING_DAMPING if stiff else STIFF[1]
 
     def advance(self) -> None:
         """Simulate a prepared part of a step."""
@@ -334,7 +340,16 @@ class World(simulator.World):
         self._moving = [trees[name] for name in self._handled]
 
     def has_falling(self) -> bool:
-        """Return whether a body that a skill moves is fast, and nothing holds it."""
+        """Return whether a body that a skill moves is fast, or was, and nothing holds it.
+
+        A part that has landed turns and slides for some steps, if contacts become soft at once.
+        """
+        self._landing = self._landing - 1 if self._landing else 0
+        if self._is_one_fast():
+            self._landing = _LANDING_STEPS
+        return bool(self._landing)
+
+    def _is_one_fast(self) -> bool:
         model, data = self.model, self.data
         for name in self._handled:
             if name not in self.numbers:
