@@ -80,6 +80,22 @@ def test_a_round_pin_stands_in_a_hole_that_is_deep_enough(depth_mm, stands):
     assert decide({"pin": pin}, {"block": hole(0.002, depth_mm / 1e3)}).stands is stands
 
 
+@pytest.mark.parametrize(("thick_mm", "stands"), [(1.5, False), (8, True)], ids=["sheet", "block"])
+def test_a_sheet_on_a_ledge_tips_although_a_pin_goes_through_it(thick_mm, stands):
+    """With the play of its hole the sheet tilts before both rims of the hole meet the pin."""
+    thick_m, wide_m = thick_mm / 1e3, 0.095
+    walls = [
+        Box((wide_m, 0.2, thick_m), (side * (0.01 + wide_m) / 2, 0, thick_m / 2))
+        for side in (-1, 1)
+    ]
+    walls += [
+        Box((0.01, wide_m, thick_m), (0, side * (0.01 + wide_m) / 2, thick_m / 2))
+        for side in (-1, 1)
+    ]
+    firm = {"ledge": block((0.01, 0.2, 0.05), (0.095, 0, -0.05)), "pin": block((0.01, 0.01, 0.05))}
+    assert decide({"it": Solid(walls, Pose((0, 0, 0)))}, firm).stands is stands
+
+
 def test_a_shaft_stays_between_a_slope_and_a_wall():
     """The wall pushes as hard as the slope needs."""
     half_m = 0.1 * math.tan(math.pi / 8)

@@ -8,9 +8,10 @@ Trinkle: Stability characterizations of fixtured rigid bodies with Coulomb frict
 - Friction acts only where a body lies on another one: upright walls and faces above it push, but do
   not carry.
 - Friction is credited for the weight that comes down there, not for clamping between bodies.
-- Upright walls that end below the centre of mass of a body push it with a share of its weight only,
-  beyond what slopes need. A round part stands in a hole deeper than half its height, but with play
-  it leans in a flat one.
+- Upright walls that end below the centre of mass of a body, or are so low that the body tilts in
+  the play of a fit, push it with a share of its weight only, beyond what slopes need. A round part
+  stands in a hole deeper than half its height, but with play it leans in a flat one, and so does a
+  sheet on pins.
 """
 
 from __future__ import annotations
@@ -44,6 +45,9 @@ SHIFT_M = 5e-4
 """Offset of the centres of mass that bodies must stand [m]; at most a share of their extent."""
 
 _SHIFT_SHARE = 0.05
+# Height of walls in which a body tilts by `TILT_DEG` with a play of 0.1 mm on each side [m]; walls
+# of half the extent of a small body suffice.
+_UPRIGHT_M, _UPRIGHT_SHARE = 2e-4 / math.tan(math.radians(TILT_DEG)), 0.5
 # Corners of the polygon about the circle of all tilts.
 _TILTS = 8
 _BEYOND = 1 / math.cos(math.pi / _TILTS)
@@ -255,12 +259,18 @@ class _Scene:
         return max(self.groups[group], key=lambda name: self._bodies[name].mass_kg)
 
     def is_walled(self, group: int) -> bool:
-        """Return whether upright walls about a group reach up to its centre of mass."""
-        height_m = float(self.centre_m[group] @ self.up) - _ROUNDING_M
-        return any(
-            bool(((np.abs(normals @ self.up) <= BEARS) & (points @ self.up >= height_m)).any())
+        """Return whether upright walls about a group keep it upright up to its centre of mass."""
+        heights_m = [
+            points[np.abs(normals @ self.up) <= BEARS] @ self.up
             for first, second, points, normals in self.pairs
             if group in (first, second)
+        ]
+        walls_m = np.concatenate([np.empty(0), *heights_m])
+        least_m = min(_UPRIGHT_M, _UPRIGHT_SHARE * float(self.extent_m[group]))
+        return (
+            len(walls_m) > 0
+            and float(walls_m.max()) >= float(self.centre_m[group] @ self.up) - _ROUNDING_M
+            and float(np.ptp(walls_m)) >= least_m - _ROUNDING_M
         )
 
     def decide(self, held: frozenset[int]) -> Standing:

@@ -212,7 +212,7 @@ class SweptDetector(Detector):
     """A verdict on swept convex hulls of hand, load and links, on reach, and on supports."""
 
     name = "swept"
-    version = "6"
+    version = "7"
     expected_s = 0.005
     checks_arm = True
     removed_options: ClassVar[Mapping[str, RemovedDwell]] = {
