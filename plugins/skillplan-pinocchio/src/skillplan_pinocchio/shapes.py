@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Final
 
 import coal
@@ -39,6 +39,10 @@ _ACCURACY_M: Final = 1e-5
 # Triangles in a tree of boxes.
 _TREE: Final = coal.BVHModelOBBRSS
 
+# Hulls and trees that are kept, of about 20 kB and 1 MB each.
+_HULLS: Final = 4_096
+_TREES: Final = 64
+
 STILL: Final = coal.Transform3s()
 """The placement of a geometry that is not moved."""
 
@@ -47,10 +51,25 @@ STILL: Final = coal.Transform3s()
 _CALIPERS, _LEAST_SHARE = 24, 0.02
 
 
-def _build_hull(corners: Array) -> Any:
+# Three of four were built before, for another grasp, skill or trial of a task.
+@lru_cache(maxsize=_HULLS)
+def _build_hull(coordinates: bytes) -> Any:
     points = coal.StdVec_Vec3s()
-    points.extend(list(corners))
+    points.extend(list(np.frombuffer(coordinates).reshape(-1, 3)))
     return coal.Convex.convexHull(points, True, "Qt")
+
+
+@lru_cache(maxsize=_TREES)
+def _build_tree(coordinates: bytes, indices: bytes) -> Any:
+    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    points.extend(list(np.frombuffer(coordinates).reshape(-1, 3)))
+    for a, b, c in np.frombuffer(indices, dtype=np.int64).reshape(-1, 3).tolist():
+        triangles.append(coal.Triangle(a, b, c))
+    tree = _TREE()
+    tree.beginModel(len(triangles), len(points))
+    tree.addSubModel(points, triangles)
+    tree.endModel()
+    return tree
 
 
 def _thin_out(corners: Array) -> Array:
@@ -99,11 +118,11 @@ class ConvexPiece:
     def hull(self) -> Any:
         """Convex hull for coal, a little wider if it has corners that coal refuses."""
         try:
-            return _build_hull(self.corners)
+            return _build_hull(self.corners.tobytes())
         except RuntimeError as error:
             if "neighbors" not in str(error):
                 raise
-            return _build_hull(_thin_out(self.corners))
+            return _build_hull(_thin_out(self.corners).tobytes())
 
     @property
     def surface(self) -> tuple[Array, Indices]:
@@ -160,15 +179,7 @@ class SurfacePiece(ConvexPiece):
     @cached_property
     def hull(self) -> Any:
         """Triangles in a tree of boxes, for coal."""
-        points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-        points.extend(list(self.corners))
-        for a, b, c in self.faces.tolist():
-            triangles.append(coal.Triangle(a, b, c))
-        tree = _TREE()
-        tree.beginModel(len(triangles), len(points))
-        tree.addSubModel(points, triangles)
-        tree.endModel()
-        return tree
+        return _build_tree(self.corners.tobytes(), self.faces.astype(np.int64).tobytes())
 
     @property
     def surface(self) -> tuple[Array, Indices]:
