@@ -348,8 +348,8 @@ def read_content(folder: Path, name: str) -> tuple[bytes, str]:
         raise MeshFileError(str(error)) from None
 
 
-# Hundreds of parts may use the same file.
-@lru_cache(maxsize=16)
+# Hundreds of parts may use the same file, and an import loads a task many times.
+@lru_cache(maxsize=128)
 def _try_parse(content: bytes, suffix: str, scale: float) -> Polyhedron | MeshFileError:
     try:
         return _parse_polyhedron(content, suffix, scale)
@@ -746,8 +746,8 @@ def read_pieces(
     return _parse_pieces(content, suffix, scale, whole.middle, whole.size)
 
 
-# Identical parts have files with the same content.
-@lru_cache(maxsize=16)
+# Identical parts have files with the same content, and an import loads a task many times.
+@lru_cache(maxsize=128)
 def _parse_pieces(
     content: bytes, suffix: str, scale: float, middle: Point, size: Point
 ) -> tuple[tuple[Polyhedron, ...], str]:
