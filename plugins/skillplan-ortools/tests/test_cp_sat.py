@@ -140,9 +140,9 @@ def test_the_structure_is_recognised_once(monkeypatch):
     queries = []
     recognise = SequencingProblem.from_model.__func__
 
-    def counting(cls, model):
+    def counting(cls, model, *stop):
         queries.append(model)
-        return recognise(cls, model)
+        return recognise(cls, model, *stop)
 
     monkeypatch.setattr(SequencingProblem, "from_model", classmethod(counting))
     assert solve(lid_task(), "cp-sat").status is Status.OPTIMAL

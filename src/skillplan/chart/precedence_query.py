@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
@@ -50,8 +50,14 @@ class Undecided(Exception):
     """Raised if a back end cannot decide, or a query takes too many checks."""
 
 
-def run_queries(checker: Checker, queries: Sequence[CheckSteps[_T]]) -> list[_T | None]:
+def run_queries(
+    checker: Checker,
+    queries: Sequence[CheckSteps[_T]],
+    must_stop: Callable[[], bool] = lambda: False,
+) -> list[_T | None]:
     """Return the results of several queries, run side by side; None for an undecided one.
+
+    Queries that a stop comes before are undecided.
 
     Raises
     ------
@@ -60,7 +66,7 @@ def run_queries(checker: Checker, queries: Sequence[CheckSteps[_T]]) -> list[_T 
     """
     results: list[_T | None] = [None] * len(queries)
     answers: dict[int, Verdict | None] = dict.fromkeys(range(len(queries)))
-    while answers:
+    while answers and not must_stop():
         requests = {}
         for index, verdict in answers.items():
             query = queries[index]

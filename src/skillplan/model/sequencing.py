@@ -9,7 +9,7 @@ reason.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -346,16 +346,24 @@ class SequencingProblem:
         return tuple(order) if sorted(order) == list(range(len(self.jobs))) else None
 
     @classmethod
-    def from_model(cls, model: SkillModel) -> SequencingProblem:
+    def from_model(
+        cls, model: SkillModel, must_stop: Callable[[], bool] = lambda: False
+    ) -> SequencingProblem:
         """Return the sequencing problem of a model; back ends are queried for the precedence.
 
         If back ends compute costs, they are not queried for impossible connections, nor for paths
         that a lower bound excludes.
 
+        Parameters
+        ----------
+        must_stop
+            Returns True once the precedence is not derived further.
+
         Raises
         ------
         NotASequencing
-            If the model does not have this structure; the message gives the reason.
+            If the model does not have this structure, or the derivation was stopped; the message
+            gives the reason.
         BackEndError
             If a back end fails.
         SearchStopped
@@ -376,7 +384,7 @@ class SequencingProblem:
         sets = DoneSets(structure)
         connections = JobConnections(model, structure, sets)
         costs, paths_by_job = connections.matrix(), connections.paths
-        before = _precedence(model, structure, sets, connections)
+        before = _precedence(model, structure, sets, connections, must_stop)
         if model.asks_costs:
             needed = find_needed_connections(
                 len(structure.jobs), *close_relation(structure, before)
@@ -431,17 +439,22 @@ def assemble(
 
 
 def _precedence(
-    model: SkillModel, structure: ComponentJobs, sets: DoneSets, connections: JobConnections
+    model: SkillModel,
+    structure: ComponentJobs,
+    sets: DoneSets,
+    connections: JobConnections,
+    must_stop: Callable[[], bool],
 ) -> dict[int, int]:
     """Return the predecessors of each job that every plan does."""
     queries: dict[int, JobQuery] = {}
 
     def run(steps: Mapping[int, CheckSteps[bool]]) -> None:
-        answers = run_queries(model, list(steps.values()))
+        answers = run_queries(model, list(steps.values()), must_stop)
         for job, answered in zip(steps, answers, strict=True):
             if not answered:
                 name = structure.jobs[job].component
-                raise structure.no(f"the order around {name} could not be worked out")
+                end = " in the time" if must_stop() else ""
+                raise structure.no(f"the order around {name} could not be worked out{end}")
 
     todo = set(structure.goal)
     while todo:

@@ -12,6 +12,7 @@ from situations import fake_back_end, model_of
 from skillplan.errors import NotASequencing
 from skillplan.model import SequencingProblem, replay
 from skillplan.pipeline import load_problem, make_solver
+from skillplan.solvers import Stop
 from skillplan.task import Verdict
 
 
@@ -103,6 +104,23 @@ def test_a_path_that_is_refused_is_replaced_by_the_cheapest_other_one():
     assert solution.proved
     assert solution.plan.cost == pytest.approx(solve_by(task, clauses, "exact").plan.cost)
     assert solution.plan.cost >= free.plan.cost - 1e-9
+
+
+class LittleTime(Stop):
+    """A stop that never ends a search, but reports that its time is almost over."""
+
+    left_s = 0.0
+
+
+def test_orders_are_checked_if_the_precedence_takes_too_much_of_the_time():
+    """A plan is better than the proof that every order is one."""
+    solver = make_solver("portfolio", {}, LittleTime())
+    model = model_of(board(), rule_by(board(), {}))
+    with pytest.raises(NotASequencing, match="could not be worked out in the time"):
+        solver.problem(model)
+    solution = solver.solve(model)
+    assert solution.proved
+    assert solution.plan.cost == pytest.approx(solve_by(board(), {}).plan.cost)
 
 
 def test_one_of_two_supports_is_enough():

@@ -6,7 +6,9 @@ the first model.
 
 from __future__ import annotations
 
+import time
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
@@ -32,6 +34,9 @@ _ALTERNATING: Final[tuple[Method, ...]] = ("branch-and-cut",)
 # Share of the free memory that is used without a limit.
 _SHARE = 0.7
 
+# Share of the time in which a problem is derived, if it may be relaxed instead.
+_DERIVED_SHARE = 0.25
+
 
 class JobOrderSolver(Solver):
     """Base of the solvers of sequential ordering problems; refuses other models.
@@ -40,10 +45,13 @@ class JobOrderSolver(Solver):
     ----------
     serves_pools
         True if it solves problems in which jobs of interchangeable parts alternate.
+    relaxes
+        True if it solves relaxed problems, so that a derivation that takes long is ended.
     """
 
     polls = True
     serves_pools: ClassVar[bool] = True
+    relaxes: ClassVar[bool] = False
 
     def refuses(self, model: SkillModel) -> str | None:
         """Return the reason why the model is not a sequencing problem, or None.
@@ -81,7 +89,7 @@ class JobOrderSolver(Solver):
         if known is None or known[0] is not model:
             derived: SequencingProblem | NotASequencing
             try:
-                derived = SequencingProblem.from_model(model)
+                derived = SequencingProblem.from_model(model, self._limit_derivation())
             except NotASequencing as error:
                 derived = error
             self._known = known = (model, derived)
@@ -89,6 +97,14 @@ class JobOrderSolver(Solver):
             raise known[1]
         sequencing_problem: SequencingProblem = known[1]
         return sequencing_problem
+
+    def _limit_derivation(self) -> Callable[[], bool]:
+        """Return a function that returns True once the time of the derivation is over."""
+        left_s = self.stop.left_s if self.relaxes else None
+        if left_s is None:
+            return lambda: False
+        until_s = time.monotonic() + _DERIVED_SHARE * left_s
+        return lambda: time.monotonic() > until_s
 
     def relax(self, model: SkillModel) -> RelaxedSequencing | None:
         """Return a model as a relaxed sequencing problem; None if the solver solves none."""
@@ -135,6 +151,7 @@ class SequencingSolver(JobOrderSolver):
     """
 
     methods: ClassVar[tuple[Method, ...]] = ()
+    relaxes = True
 
     class Options(back_end.Options):
         """Limits of the search."""
