@@ -968,3 +968,69 @@ def test_an_eccentric_nut_that_is_let_go_over_a_round_hole_keeps_its_angle(tmp_p
             world.step()
         *_, z, w = world.pose("nut").orientation
         assert 2 * math.atan2(z, w) == pytest.approx(turned_rad, abs=math.radians(0.5))
+
+
+def relate_pinned(axis, length_mm=40):
+    """Return a base with a post at each end, and a pin that goes into each from outside."""
+
+    def lay(solid):
+        return solid.rotate((0, 0, 90)) if axis == "y" else solid
+
+    half = 130 + length_mm - 21
+    base = box(-130, -30, 0, 130, 30, 30)
+    base += box(-130, -30, 30, -90, 30, 180) + box(90, -30, 30, 130, 30, 180)
+    lying = rod(0, 0, 0, 6, length_mm).rotate((0, 90, 0))
+    pins = [lying.translate((x, 0, 150)) for x in (-half, half - length_mm)]
+    solids = {"base": base - pins[0] - pins[1], "left": pins[0], "right": pins[1]}
+    product, relation, plan = relate(
+        product_of({name: lay(solid) for name, solid in solids.items()})
+    )
+    return product, relation, plan, cad.find_bearing(product, relation, UP, holding=True)
+
+
+@pytest.mark.parametrize(("axis", "heading"), [("x", 1), ("y", 0)])
+def test_pins_for_both_ends_of_a_product_go_in_along_y(axis, heading):
+    """One end is beside the arm and the other one out of its reach if they lie along x."""
+    product, relation, _, bearing = relate_pinned(axis)
+    assert cad.choose_heading(product, relation, bearing, "panda") == heading
+
+
+def test_a_product_without_level_parts_keeps_its_heading():
+    solids = {"base": box(0, 0, 0, 600, 60, 20), "lid": box(0, 0, 20, 600, 60, 30)}
+    product, relation, _ = relate(product_of(solids))
+    bearing = cad.find_bearing(product, relation, UP)
+    assert cad.choose_heading(product, relation, bearing, "panda") == 0
+
+
+def test_the_task_of_a_turned_product_has_its_level_parts_along_y():
+    product, relation, plan, bearing = relate_pinned("x")
+    task = cad.build_task(product, relation, plan, bearing=bearing, holding=True, heading=True)
+    assert np.allclose(task.upright.matrix, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    left = task.document["parts"]["left"]
+    assert left["insert_along"] == [[0.0, 1.0, 0.0]]
+    base = task.document["parts"]["base"]["goal_m"]
+    assert left["goal_m"][0] == pytest.approx(base[0], abs=1e-4)
+    assert left["goal_m"][1] == pytest.approx(base[1] - 0.129, abs=1e-4)
+
+
+def test_a_level_hand_holds_a_pin_outside_the_wall_that_it_goes_into():
+    """Jaws at the middle of the pin, 35 mm deep, would be in the wall."""
+    pin = part_of("pin", rod(0, 0, -35, 6, 70).rotate((90, 0, 0)))
+    local = pin.vertices_m + np.array([0.0, 0.0, 0.006])
+    along = (0.0, -1.0, 0.0)
+
+    def find(walls_m):
+        holds = cad.list_holds(pin, local, np.array([0.0, 0.0, 0.006]), HAND, 0.0, walls_m, 0.06)
+        raised = next(hold for hold in holds if hold.raised_m)
+        return [grasp for grasp in raised.grasps if grasp["approach"] == list(along)]
+
+    assert min(grasp["depth_m"] for grasp in find({})) > 0.019
+    grasps = find({along: 0.016})
+    assert grasps
+    assert max(grasp["depth_m"] for grasp in grasps) < 0.019
+
+
+def test_a_large_arm_takes_parts_where_a_level_hand_may_point_back_at_it():
+    items = [cad.Item("pin", (0.013, 0.07, 0.013), is_raised=True)]
+    x, y = cad.lay_out_table((0.5, 0.5, 0.3), items, "m710ic_45m").places["pin"]
+    assert max(np.hypot(abs(x) + 0.52, y), np.hypot(x, abs(y) + 0.52)) < 1.83

@@ -77,6 +77,7 @@ from .writing.build_task import build_task as build_task
 from .writing.convex_pieces import decompose_convex as decompose_convex
 from .writing.grouped_task import find_parted_groups as find_parted_groups
 from .writing.grouped_task import join_groups as join_groups
+from .writing.heading import choose_heading as choose_heading
 from .writing.held_part import Load as Load
 from .writing.held_part import list_holds as list_holds
 from .writing.lanes import Lane as Lane
@@ -141,6 +142,7 @@ __all__ = [
     "check_nest",
     "choose_arm",
     "choose_attitude",
+    "choose_heading",
     "compute_allowance_m",
     "compute_thread_depth_m",
     "decompose_convex",

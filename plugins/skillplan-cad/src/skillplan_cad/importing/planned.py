@@ -475,6 +475,7 @@ def _write_task(
         longer,
         holding=settings.holding,
         turning=settings.turning,
+        heading=True,
         known=known,
         cuts=cuts,
         nesting=settings.nesting,

@@ -182,6 +182,7 @@ def build_nest(
     settings: NestSettings | None = None,
     up: Vector = UP,
     free: Sequence[KeepFree] = (),
+    heading: int = 0,
 ) -> Nest:
     """Return a nest for bodies in their pose.
 
@@ -193,6 +194,8 @@ def build_nest(
         Vector against which they are inserted.
     free
         Regions that stay open.
+    heading
+        Quarter turns of its frame about the vertical.
 
     Raises
     ------
@@ -200,7 +203,7 @@ def build_nest(
         If a size is out of range, or nothing is left of the nest.
     """
     settings = settings or NestSettings()
-    turn = compute_rotation_to_z(up)
+    turn = compute_rotation_to_z(up, heading)
     corners = np.concatenate([(v @ turn.T * _TO_MM)[t] for v, t in bodies])
     surface = LowerSurface(corners)
     low_mm, high_mm = float(corners[:, :, 2].min()), float(corners[:, :, 2].max())

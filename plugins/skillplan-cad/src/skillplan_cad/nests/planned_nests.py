@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from skillplan.errors import OptionError
-from skillplan_cad.nests.nest import KeepFree, Nest, NestSettings, build_nest
+from skillplan_cad.nests.nest import Floats, KeepFree, Nest, NestSettings, build_nest
 from skillplan_cad.nests.nest_check import MOST_SAMPLES, NestCheck, check_nest, drop_bad_coarse
 from skillplan_cad.nests.nest_document import build_nest_document, format_nest_files
 from skillplan_cad.nests.stepped_mesh import Body
@@ -179,14 +179,15 @@ class Way:
 
 
 def divide_room(
-    ways: Iterable[Way], up: Vector, clearance_m: float
+    ways: Iterable[Way], up: Vector, clearance_m: float, heading: int = 0
 ) -> tuple[list[Body], list[KeepFree]]:
     """Return the bodies that come straight down, and the regions that the others cross."""
     room, free = list[Body](), list[KeepFree]()
     for way in ways:
         bodies = [get_body(part) for part in way.parts]
         aside = [along for along in way.along if way.winds or not goes_down(along, up)]
-        free += [_keep_free(bodies, along, up, clearance_m, way.winds) for along in aside]
+        turn = compute_rotation_to_z(up, heading)
+        free += [_keep_free(bodies, along, turn, clearance_m, way.winds) for along in aside]
         if not aside:
             room += bodies
     return room, free
@@ -199,9 +200,10 @@ def build_checked_nest(
     up: Vector,
     free: Sequence[KeepFree],
     most: int = MOST_SAMPLES,
+    heading: int = 0,
 ) -> tuple[Nest, NestCheck]:
     """Return a nest and its check: with the seated parts, then with all parts."""
-    nest = build_nest(room, settings, up, free)
+    nest = build_nest(room, settings, up, free, heading)
     check = check_nest([get_body(part) for part in seated], nest, free, most=most)
     if len(room) > len(seated):
         later = check_nest(room, nest, free, stands=False, most=most)
@@ -211,10 +213,9 @@ def build_checked_nest(
 
 
 def _keep_free(
-    bodies: Sequence[Body], along: Vector, up: Vector, clearance_m: float, winds: bool
+    bodies: Sequence[Body], along: Vector, turn: Floats, clearance_m: float, winds: bool
 ) -> KeepFree:
     """Return the region that bodies cross on a way that is not straight down."""
-    turn = compute_rotation_to_z(up)
     points = np.concatenate([vertices for vertices, _ in bodies]) @ turn.T
     way = turn @ np.asarray(along)
     # From outside of the nest, which is not wider than the product with its walls.

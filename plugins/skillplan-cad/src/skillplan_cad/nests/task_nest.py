@@ -75,8 +75,8 @@ class NestChoice:
         Why a base that needs a nest has none, as a clause; empty otherwise.
     """
 
-    def __init__(self, relation: Relation, up: Vector) -> None:
-        self._relation, self._up = relation, up
+    def __init__(self, relation: Relation, up: Vector, heading: int = 0) -> None:
+        self._relation, self._up, self._heading = relation, up, heading
         self._is_shallow = self._is_over = False
         self._raise_m, self._failed = 0.0, -1
         # With why there is none, as a clause.
@@ -124,6 +124,7 @@ class NestChoice:
                     self._up,
                     is_shallow=self._is_shallow,
                     raise_m=self._raise_m,
+                    heading=self._heading,
                 )
                 self._cut[key] = attempt(cut, _SHARE) or self._cut[key]
         nest, self.why_none = self._cut[key]
@@ -209,6 +210,7 @@ def cut_task_nest(
     *,
     is_shallow: bool = False,
     raise_m: float = 0.0,
+    heading: int = 0,
 ) -> tuple[TaskNest | None, str]:
     """Return a nest that passes its check, or None and why there is none.
 
@@ -224,6 +226,8 @@ def cut_task_nest(
         True for a nest that holds as little as can be.
     raise_m
         Height by which its floor is thicker than usual.
+    heading
+        Quarter turns of the product about the vertical.
     """
     axis = np.asarray(up)
     low_m, high_m = ((base.vertices_m @ axis).min(), (base.vertices_m @ axis).max())
@@ -233,7 +237,7 @@ def cut_task_nest(
         if coming.stands and coming.comes_down(up) and abs(lowest_m - low_m) < _LEVEL_M:
             seated.append(coming.part)
     ways = (Way((coming.part,), coming.ways) for coming in others)
-    room, free = divide_room(ways, up, usual.clearance_m)
+    room, free = divide_room(ways, up, usual.clearance_m, heading)
     room = [get_body(base), *room]
     count = sum(len(triangles) for _, triangles in room)
     if count > _MOST_TRIANGLES:
@@ -248,7 +252,7 @@ def cut_task_nest(
         usual, depth_m=below_m + held_m, base_m=usual.base_m + raise_m, layer_m=_LAYER_M, pin_m=0.0
     )
     try:
-        nest, check = build_checked_nest(seated, room, settings, up, free, _SAMPLES)
+        nest, check = build_checked_nest(seated, room, settings, up, free, _SAMPLES, heading)
     except OptionError as error:
         return None, str(error)
     faults = list(check.faults)

@@ -77,6 +77,8 @@ class Bearing:
         of the turns.
     between
         True if supports hold parts, too, that stay at the end, but fall before the last are in.
+    heading
+        Quarter turns of the product about the vertical before the arm.
     """
 
     up: Vector
@@ -87,6 +89,7 @@ class Bearing:
     held: tuple[str, ...] = ()
     turned: Mapping[str, Vector] = field(default_factory=dict)
     between: bool = False
+    heading: int = 0
 
     @property
     def ups(self) -> tuple[Vector, ...]:

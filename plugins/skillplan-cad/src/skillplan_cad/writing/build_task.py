@@ -24,6 +24,7 @@ from skillplan_cad.planning.turns import add_turns, list_placed
 from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Product
 from skillplan_cad.relation import LeftOut, Relation
+from skillplan_cad.writing.heading import choose_heading
 from skillplan_cad.writing.held_part import KnownHolds, PartHolds
 from skillplan_cad.writing.pieces_proof import Cuts, PieceProof, ProvedPieces
 from skillplan_cad.writing.task_document import (
@@ -66,6 +67,7 @@ def build_task(
     cuts: Cuts | None = None,
     nesting: bool = False,
     turning: bool = False,
+    heading: bool = False,
 ) -> WrittenTask:
     """Write the task of assembling a product with one arm, so that `check` accepts it.
 
@@ -100,6 +102,8 @@ def build_task(
         True if a base that later parts would push aside stands in a nest.
     turning
         True if a workholder may turn the product, which takes supports.
+    heading
+        True if the product may stand turned about the vertical, for what goes in level.
     """
     watch = watch or Watch()
     cuts, known = cuts or Cuts(), known or KnownHolds()
@@ -110,6 +114,8 @@ def build_task(
         rival: WrittenTask | None = None,
         early: Collection[str] = (),
     ) -> WrittenTask:
+        if heading:
+            bearing = replace(bearing, heading=choose_heading(product, relation, bearing, arm))
         builder = _TaskBuilder(
             product,
             relation,
@@ -120,7 +126,7 @@ def build_task(
             known,
             early=early,
             holding=holding,
-            nests=NestChoice(relation, bearing.up) if nesting else None,
+            nests=NestChoice(relation, bearing.up, bearing.heading) if nesting else None,
         )
         without: Mapping[str, LeftOut] = absent
         with TaskTrials(watch) as trials:
@@ -424,7 +430,7 @@ class _TaskBuilder:
         """Return the task; None if parts go in in other orientations than before."""
         if self._proof is None:
             parts, bearing = self._product.parts, self._bearing
-            upright = place_turned(parts, bearing.ups, bearing.turned, (0.0, 0.0))
+            upright = place_turned(parts, bearing.ups, bearing.turned, (0.0, 0.0), bearing.heading)
             self._proof = PieceProof(
                 self._product, self._relation, self._plan, upright, cuts, watch
             )
@@ -630,7 +636,8 @@ class _TaskBuilder:
             self._absent, self._later = gone, {}
         order, held = bearing.order, bearing.held
         more = [name for name in self._falling if name in order and name not in held]
-        self._bearing = replace(bearing, held=(*held, *more))
+        heading = self._bearing.heading
+        self._bearing = replace(bearing, held=(*held, *more), heading=heading)
 
     def _is_in_same_poses(self) -> bool:
         """Return whether all parts go in in the orientations that were begun with.

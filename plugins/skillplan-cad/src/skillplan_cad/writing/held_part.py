@@ -22,7 +22,8 @@ from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN
 from skillplan_cad.blocking.ray_mesh import RayMesh, RayView
-from skillplan_cad.planning.bearing import Bearing
+from skillplan_cad.planning.bearing import Bearing, can_come_down
+from skillplan_cad.planning.precedence import encode_set
 from skillplan_cad.product import Part, Points, Product, Vector
 from skillplan_cad.relation import LeftOut, Relation
 from skillplan_cad.writing.mesh_grasps import OPEN_M, Floats, GraspFinder, JawGrasp
@@ -105,6 +106,8 @@ _LIGHTER = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
 
 # Height at which a feeder presents a part to a hand from a side: it has room, and so has the wrist.
 _RAISED_M = 0.06
+# The same for an arm of large reach [m], as a share of it.
+_LARGE_REACH_M, _RAISED_SHARE = 1.5, 0.15
 
 # A part that is let go above its goal: room of the fingers over what encloses it, depth that guides
 # it at least, and greatest height [m].
@@ -112,6 +115,11 @@ _FINGER_ROOM_M, _GUIDED_M, _HIGHEST_M = 5e-4, 1e-3, 0.02
 # Distances from the sides of a part at which heights are measured [m]: at the first they guide it.
 _BESIDE_M = (5e-4, 1.5e-3, 3e-3, 5e-3)
 _SIDE_POINTS = 25
+# Axes along which a level hand points.
+_LEVEL_AXES: tuple[Vector, ...] = (
+    *((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)),
+    *((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +296,13 @@ def get_jaws(hand: Hand, tool: str) -> tuple[Hand, float]:
 
 
 def list_holds(
-    part: Part, local: Points, centre_m: Floats, hand: Hand, sunk_m: float = 0.0
+    part: Part,
+    local: Points,
+    centre_m: Floats,
+    hand: Hand,
+    sunk_m: float = 0.0,
+    walls_m: Mapping[Vector, float] | None = None,
+    raised_m: float = _RAISED_M,
 ) -> Iterator[Held]:
     """Yield tools with grasps, the preferred one first; nothing if no tool holds the part.
 
@@ -303,9 +317,14 @@ def list_holds(
         Centre of mass in that frame [m].
     sunk_m
         Height up to which other parts enclose it at its goal, from its bottom [m].
+    walls_m
+        The same along the axes of level hands, by the direction in which they point; for a part
+        that goes in level.
+    raised_m
+        Height above the table at which a feeder presents it to a level hand [m].
     """
     weak: list[Held] = []
-    for held in _search_holds(part, local, centre_m, hand, sunk_m):
+    for held in _search_holds(part, local, centre_m, hand, sunk_m, walls_m or {}, raised_m):
         if held.grip_n and _LEAST_MARGIN * held.grip_n > get_jaws(hand, held.tool)[0].force_n:
             weak.append(held)
         else:
@@ -326,7 +345,13 @@ def list_shallow_holds(part: Part, local: Points, centre_m: Floats, hand: Hand) 
 
 
 def _search_holds(
-    part: Part, local: Points, centre_m: Floats, hand: Hand, sunk_m: float
+    part: Part,
+    local: Points,
+    centre_m: Floats,
+    hand: Hand,
+    sunk_m: float,
+    walls_m: Mapping[Vector, float],
+    raised_m: float,
 ) -> Iterator[Held]:
     finder = GraspFinder(part, local, centre_m)
     above = finder.find_jaw_grasps(hand, (DOWN,), sunk_m)
@@ -345,22 +370,22 @@ def _search_holds(
         if by_tips:
             yield _hold(tool, sorted(by_tips, key=lambda grasp: grasp.cost))
     sides = finder.list_sides()
-    beside = finder.find_jaw_grasps(hand, sides, sunk_m)
+    beside = finder.find_jaw_grasps(hand, sides, sunk_m, walls_m=walls_m)
     if beside:
         yield _hold(GRIPPER, beside)
     for approaches in ((DOWN,), sides):
         for gripper, rated_kg in GRIPPERS.items():
             if rated_kg is None or part.mass_kg <= rated_kg:
                 other = equip_hand(hand, gripper)[0]
-                grasps = finder.find_jaw_grasps(other, approaches, sunk_m)
+                grasps = finder.find_jaw_grasps(other, approaches, sunk_m, walls_m=walls_m)
                 if grasps:
                     yield _hold(gripper, grasps)
-    raised = finder.find_jaw_grasps(hand, sides, sunk_m, _RAISED_M)
+    raised = finder.find_jaw_grasps(hand, sides, sunk_m, raised_m, walls_m=walls_m)
     if raised:
-        yield _hold(GRIPPER, raised, _RAISED_M)
+        yield _hold(GRIPPER, raised, raised_m)
     inside = finder.find_inner_grasps(get_jaws(hand, TIPS)[0], sides)
     if inside:
-        yield _hold(TIPS, inside, _RAISED_M)
+        yield _hold(TIPS, inside, raised_m)
     ends = finder.find_jaw_grasps(hand, (DOWN,), sunk_m, at_ends=True)
     if ends:
         yield replace(_hold(GRIPPER, ends), at_end=True)
@@ -406,13 +431,14 @@ class KnownHolds:
     Attributes
     ----------
     granted, bits
-        Tools and grasps, and numbers of the bits, of an accepted task, by part and side up.
+        Tools and grasps of an accepted task, by part, side up and heading, and numbers of the bits,
+        by part and side up.
     """
 
     _found: dict[tuple[Any, ...], tuple[list[Held], Iterator[Held]]] = field(default_factory=dict)
     # Upright shapes by the numbers of their corners and triangles.
     _shapes: dict[tuple[int, int], list[cKDTree]] = field(default_factory=dict)
-    granted: dict[tuple[str, Vector], Held] = field(default_factory=dict)
+    granted: dict[tuple[str, Vector, int], Held] = field(default_factory=dict)
     bits: dict[tuple[str, Vector], int] = field(default_factory=dict)
 
     def find_shape(self, part: Part, local: Points) -> tuple[int, ...]:
@@ -520,9 +546,10 @@ class PartHolds:
         The base is fixed instead, and so is a heavy part on it that others need.
         """
         self._order, self._on = bearing.order, bearing.on
-        if (bearing.up, bearing.turned) != (self._bearing.up, self._bearing.turned):
+        poses, heading = (bearing.up, bearing.turned), bearing.heading
+        if (*poses, heading) != (self._bearing.up, self._bearing.turned, self._bearing.heading):
             parts = self._product.parts
-            self._upright = place_turned(parts, bearing.ups, bearing.turned, (0.0, 0.0))
+            self._upright = place_turned(parts, bearing.ups, bearing.turned, (0.0, 0.0), heading)
         self._bearing = bearing
         if bearing.order and self._base not in bearing.order:
             grounded = [name for name in bearing.order if not bearing.on[name]]
@@ -547,7 +574,7 @@ class PartHolds:
     def keep(self) -> None:
         """Let the chosen tools be the first ones of the next task."""
         for name, held in self._chosen.items():
-            self._known.granted[name, self._bearing.get_up(name)] = held
+            self._known.granted[name, self._bearing.get_up(name), self._bearing.heading] = held
         for name, bit in self._extensions.items():
             self._known.bits[name, self._bearing.get_up(name)] = bit
 
@@ -725,16 +752,22 @@ class PartHolds:
         bottom = np.array(upright.bottom(part))
         local = upright.vertices(part) - bottom
         centre = upright.matrix @ np.asarray(part.centre_m) + upright.offset_m - bottom
-        sunk_m = round(max(0.0, self._find_sunk_m(part) - float(bottom[2])), 6)
+        enclosed = self._list_enclosed(part) - bottom
+        sunk_m = round(float(enclosed[:, 2].max(initial=0.0)), 6)
+        walls_m = self._find_walls_m(part, enclosed)
         up = self._bearing.get_up(part.name)
-        granted = self._known.granted.get((part.name, up))
+        granted = self._known.granted.get((part.name, up, self._bearing.heading))
         # What encloses a part that slides to its goal may be another in this order.
         if granted is not None and not granted.released_m:
             yield granted
-        key = (*self._known.find_shape(part, local), part.density_kg_m3, sunk_m)
+        shape = self._known.find_shape(part, local)
+        reach_m = ARMS[self._robot or DEFAULT_ARM][0].works_within_m
+        # The forearm of a large arm would meet the table.
+        raised_m = round(_RAISED_SHARE * reach_m, 2) if reach_m > _LARGE_REACH_M else _RAISED_M
+        key = (*shape, part.density_kg_m3, sunk_m, *walls_m.values(), raised_m)
         tried = []
         for held in self._known.iterate(
-            key, lambda: list_holds(part, local, centre, self._hand, sunk_m)
+            key, lambda: list_holds(part, local, centre, self._hand, sunk_m, walls_m, raised_m)
         ):
             tried.append(held)
             if held != granted:
@@ -761,8 +794,7 @@ class PartHolds:
                 points = np.stack(np.meshgrid(place, along), axis=-1).reshape(-1, 2)
                 sides.append(points if axis == 0 else points[:, ::-1])
         rims_m = np.full((4, len(beside)), -np.inf)
-        before = self._order[: self._order.index(part.name)] if part.name in self._order else ()
-        for other in map(self._get_part, before):
+        for other in map(self._get_part, self._list_before(part.name)):
             there = upright.vertices(other)
             near = (there[:, :2].min(axis=0) < high + beside[-1]).all()
             if not near or not (there[:, :2].max(axis=0) > low - beside[-1]).all():
@@ -772,16 +804,34 @@ class PartHolds:
             rims_m = np.fmax(rims_m, np.fmax.reduce(seen.reshape(4, -1, len(beside)), axis=1))
         return rims_m
 
-    def _find_sunk_m(self, part: Part) -> float:
-        """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""
-        before = self._order[: self._order.index(part.name)] if part.name in self._order else ()
-        heights = [
-            self._upright.of(part.name).point(point)[2]
+    def _list_enclosed(self, part: Part) -> Points:
+        """Return the points at which earlier parts touch a part at its goal [m]."""
+        upright = self._upright.of(part.name)
+        points = [
+            upright.point(point)
             for contact in self._relation.contacts
-            if part.name in contact.parts and any(other in before for other in contact.parts)
+            if part.name in contact.parts
+            and any(other in self._list_before(part.name) for other in contact.parts)
             for point in contact.points_m
         ]
-        return max(heights, default=0.0)
+        return np.array(points).reshape(-1, 3)
+
+    def _find_walls_m(self, part: Part, enclosed: Points) -> dict[Vector, float]:
+        """Return how far earlier parts enclose one that goes in level, against the axes [m].
+
+        Parameters
+        ----------
+        enclosed
+            Points at which they touch it, relative to the centre of its bottom [m].
+        """
+        before = encode_set([*map(self._relation.index, self._list_before(part.name))])
+        up = self._bearing.get_up(part.name)
+        if not len(enclosed) or can_come_down(self._relation, part.name, before, up):
+            return {}
+        return {along: round(-float((enclosed @ along).min()), 4) for along in _LEVEL_AXES}
+
+    def _list_before(self, name: str) -> tuple[str, ...]:
+        return self._order[: self._order.index(name)] if name in self._order else ()
 
     def _get_part(self, name: str) -> Part:
         return self._product.parts[self._product.index(name)]

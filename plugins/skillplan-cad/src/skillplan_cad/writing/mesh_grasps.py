@@ -7,7 +7,7 @@ stands on a level face without holes, seen by rays from above.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -18,9 +18,10 @@ from scipy import ndimage
 
 from skillplan.physics.linear_motions import SHANK_DIAMETER_M
 from skillplan.robots.arm_description import Hand
+from skillplan.task.pose import DOWN
 from skillplan.task.scene import find_cup_height_m
 from skillplan_cad.blocking.ray_mesh import RayMesh, RayView
-from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Points
+from skillplan_cad.product import GRAVITY_M_PER_S2, Part, Points, Vector
 
 Floats = NDArray[np.float64]
 Entry = dict[str, Any]
@@ -174,6 +175,7 @@ class GraspFinder:
         *,
         at_ends: bool = False,
         at_top: bool = False,
+        walls_m: Mapping[Vector, float] | None = None,
     ) -> list[JawGrasp]:
         """Return the best grasps from some sides, the best first.
 
@@ -193,13 +195,18 @@ class GraspFinder:
             in no particular order, instead.
         at_top
             Return the shallowest grasp of each side and closing direction instead.
+        walls_m
+            The same as `sunk_m` for level hands, by the direction in which they point.
         """
         jaws = _Jaws(hand, clearance_m)
+        depths_m = {DOWN: sunk_m, **(walls_m or {})}
         candidates = [
             grasp
             for approach in approaches
             for closing in self._list_closings(approach)
-            for grasp in self._search(jaws, np.array(approach), closing, sunk_m, raised_m)
+            for grasp in self._search(
+                jaws, np.array(approach), closing, depths_m.get(approach, -np.inf), raised_m
+            )
         ]
         if at_ends:
             return self._choose_ends(candidates)
@@ -341,7 +348,7 @@ class GraspFinder:
                     cost = abs(away[0]) + abs(away[2]) + 0.3 * abs(away[1])
                     cost += abs(across - patch.centre_m[0])
                     cost += 2e-3 / (1e-3 + np.sqrt(patch.area_m2)) * 1e-2
-                    cost += 0.02 * (from_top and point[2] < sunk_m + _ABOVE_M)
+                    cost += 0.02 * (float(-point @ approach) < sunk_m + _ABOVE_M)
                     yield JawGrasp(
                         _format(approach, closing, point, patch.width_m, field.top_m - tip),
                         float(cost),

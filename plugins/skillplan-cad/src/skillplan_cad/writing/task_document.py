@@ -130,8 +130,11 @@ _SPREAD_RAD = math.radians(110)
 # Most that a part slides further in the opposite direction, which is tried, too [-]; contacts are
 # sampled.
 _LONGER_TRAVEL = 1.25
-# Nearest place of a level hand, if there is room, as a share of the arm's reach.
-_NEAREST_LEVEL = 0.55
+# Nearest place of a level hand, if there is room, as a share of the arm's reach; and the distance
+# from its tip to the wrist.
+_NEAREST_LEVEL, WRIST = 0.55, 0.2
+# Reach of a large arm [m], and shares of it for places at which its hand points along any axis.
+_LARGE_REACH_M, _NEAREST_WRIST, _FARTHEST_WRIST = 1.5, 0.4, 0.7
 # Holders of the usual tools, and of those for small and heavy parts.
 HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
 FURTHER_HOLDERS: tuple[Place, ...] = (
@@ -243,8 +246,8 @@ def lay_out_table(
         Centre of the product, if it stays where it is.
     """
     known = kept or {}
-    nearest, farthest = _find_range_m(robot)
-    goal = product_m or _choose_goal(product_size_m, nearest, farthest)
+    nearest, farthest = find_range_m(robot)
+    goal = product_m or choose_goal(product_size_m, nearest, farthest)
     half = (product_size_m[0] / 2, product_size_m[1] / 2)
     taken = [_Taken(goal, half, _BESIDE_PRODUCT_M)]
     taken += [_reserve_holder(place) for place in holders]
@@ -262,8 +265,15 @@ def lay_out_table(
             fits = _mask_fitting(spots, size, room, taken, nearest, farthest)
             if item.is_raised:
                 # The wrist of a level hand that points away from the arm is nearer than the part.
-                least_m = _NEAREST_LEVEL * ARMS[robot][0].works_within_m
-                level = fits & (np.hypot(*spots.T) >= least_m)
+                reach_m, far_m = ARMS[robot][0].works_within_m, np.hypot(*spots.T)
+                level = fits & (far_m >= _NEAREST_LEVEL * reach_m)
+                if reach_m > _LARGE_REACH_M:
+                    # It may point anywhere, with its wrist in reach.
+                    wrists = [np.abs(spots) + along for along in WRIST * reach_m * np.eye(2)]
+                    behind_m = np.maximum(*(np.hypot(*wrist.T) for wrist in wrists))
+                    near = fits & (far_m >= _NEAREST_WRIST * reach_m)
+                    near &= behind_m <= _FARTHEST_WRIST * reach_m
+                    level = near if near.any() else level
                 fits = level if level.any() else fits
             free = np.flatnonzero(fits)
             if not len(free):
@@ -275,7 +285,7 @@ def lay_out_table(
     return Tray(goal, places, tuple(sorted(without)))
 
 
-def _find_range_m(robot: str) -> tuple[float, float]:
+def find_range_m(robot: str) -> tuple[float, float]:
     """Return the nearest and the farthest distance at which an arm works downwards [m]."""
     reach_m = ARMS[robot][0].works_within_m * _DOWNWARD.get(robot, 1.0)
     nearest_m = max(_NEAREST_DOWN_M.get(robot, _NEAREST_M), _NEAREST * reach_m)
@@ -284,7 +294,7 @@ def _find_range_m(robot: str) -> tuple[float, float]:
 
 def _place_holder(place: Place, robot: str) -> Place:
     """Return the place of a holder, farther out for an arm that does not reach down so near."""
-    share = max(1.0, _find_range_m(robot)[0] / _LEAST_HOLDER_M)
+    share = max(1.0, find_range_m(robot)[0] / _LEAST_HOLDER_M)
     return round(share * place[0], 3), round(share * place[1], 3)
 
 
@@ -292,7 +302,7 @@ def _reserve_holder(place: Place) -> _Taken:
     return _Taken(place, (0.03, 0.03), 0.06)
 
 
-def _choose_goal(size_m: tuple[float, float, float], nearest_m: float, farthest_m: float) -> Place:
+def choose_goal(size_m: tuple[float, float, float], nearest_m: float, farthest_m: float) -> Place:
     """Return the product's place: half a metre before the arm, a little to its left.
 
     A large product comes nearer, and then straight before the arm.
@@ -573,7 +583,7 @@ def lay_out_parts(
     standing = gripped if len(bearing.ups) == 1 else parts
 
     def place(place_m: Place) -> Upright:
-        return place_turned(standing, bearing.ups, bearing.turned, place_m)
+        return place_turned(standing, bearing.ups, bearing.turned, place_m, bearing.heading)
 
     upright = place((0.0, 0.0))
     earlier = {} if before is None else before.feeders
@@ -962,6 +972,17 @@ _HEADER = """\
 # Written by skillplan import-cad from CAD. Meshes are in metres, in the frame of each part.
 # skillplan check FILE, chart FILE and search-optimal FILE --collision swept go on from here.
 """
+
+
+def measure_travel_m(relation: Relation, part: Part, way: Vector) -> float:
+    """Return how far a part slides along others when it goes in; 0 if it touches none."""
+    along = np.asarray(way)
+    touched = [
+        float((np.asarray(contact.points_m) @ along).min())
+        for contact in relation.contacts
+        if part.name in contact.parts and contact.points_m
+    ]
+    return float((part.vertices_m @ along).max()) - min(touched) if touched else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -1498,14 +1519,18 @@ class TaskWriter:
             if not any(other != blockers and other & blockers == other for other in vectors)
         ]
         ways = [min(vectors[blockers], key=_get_height) for blockers in fewest]
+
+        def measure(way: Vector) -> float:
+            x, y, z = (np.asarray(way) @ upright.matrix).tolist()
+            return measure_travel_m(self.relation, part, (x, y, z))
+
         # One side may have no room for the hand.
         ways += [
             vector
             for blockers, way in zip(fewest, ways, strict=True)
             for vector in vectors[blockers]
             if np.allclose(vector, np.negative(way), atol=1e-6)
-            and self._measure_travel_m(part, vector)
-            <= _LONGER_TRAVEL * self._measure_travel_m(part, way)
+            and measure(vector) <= _LONGER_TRAVEL * measure(way)
         ]
         step = self.steps.get(part.name)
         planned = upright.vector(step.along) if step is not None and not step.path else DOWN
@@ -1517,16 +1542,6 @@ class TaskWriter:
             return [list(first)]
         others = [way for way in ways if not np.allclose(way, first, atol=1e-6)]
         return [list(way) for way in (first, *others)][:_MOST_DIRECTIONS]
-
-    def _measure_travel_m(self, part: Part, way: Vector) -> float:
-        """Return how far a part slides along others when it goes in; 0 if it touches none."""
-        along = np.asarray(way) @ self.upright.of(part.name).matrix
-        touched = [
-            float((np.asarray(contact.points_m) @ along).min())
-            for contact in self.relation.contacts
-            if part.name in contact.parts and contact.points_m
-        ]
-        return float((part.vertices_m @ along).max()) - min(touched) if touched else 0.0
 
     def _build_screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
         # From its head on; a nut lies on the part beneath its rod.

@@ -93,7 +93,11 @@ class Upright:
 
 
 def place_turned(
-    parts: Sequence[Part], ups: Sequence[Vector], turned: Mapping[str, Vector], place_m: Place
+    parts: Sequence[Part],
+    ups: Sequence[Vector],
+    turned: Mapping[str, Vector],
+    place_m: Place,
+    heading: int = 0,
 ) -> Upright:
     """Return the pose of parts on the table, or on a workholder that turns them above it.
 
@@ -107,8 +111,10 @@ def place_turned(
         The one of each part and screw that goes in after a turn.
     place_m
         Centre of their bounding box, x y [m].
+    heading
+        Quarter turns about the vertical.
     """
-    first = place_upright(parts, ups[0], place_m)
+    first = place_upright(parts, ups[0], place_m, heading)
     if len(ups) == 1:
         return first
     points = np.concatenate([first.vertices(part) for part in parts])
@@ -139,7 +145,7 @@ def _is_quarter(turn: Array) -> bool:
     return abs(float(turn[2, 2])) < _SAME
 
 
-def place_upright(parts: Iterable[Part], up: Vector, place_m: Place) -> Upright:
+def place_upright(parts: Iterable[Part], up: Vector, place_m: Place, heading: int = 0) -> Upright:
     """Return the pose that puts parts on the table, centred on a place.
 
     Parameters
@@ -148,8 +154,10 @@ def place_upright(parts: Iterable[Part], up: Vector, place_m: Place) -> Upright:
         Vector that points up, in the product's frame.
     place_m
         Centre of their bounding box on the table, x y [m].
+    heading
+        Quarter turns about the vertical.
     """
-    matrix = compute_rotation_to_z(up)
+    matrix = compute_rotation_to_z(up, heading)
     points = np.concatenate([part.vertices_m for part in parts]) @ matrix.T
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
@@ -178,8 +186,11 @@ def list_angles_rad(rotation: Array) -> list[float]:
     return [round(angle, 8) + 0.0 for angle in (roll, pitch, yaw)]
 
 
-def compute_rotation_to_z(up: Vector) -> Array:
-    """Return the smallest rotation that turns a unit vector upwards."""
+def compute_rotation_to_z(up: Vector, heading: int = 0) -> Array:
+    """Return the smallest rotation that turns a unit vector upwards, then some quarter turns."""
+    if heading % 4:
+        quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(quarter @ compute_rotation_to_z(up, heading % 4 - 1))
     z = np.asarray(up) / np.linalg.norm(up)
     if abs(z[2]) > 1 - 1e-12:
         return np.diag([1.0, z[2], z[2]])
