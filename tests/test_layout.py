@@ -415,6 +415,7 @@ SMALL_MODULES = {
     "skillplan.views.tables.arm": "loaded if `check` describes a robot or a tool alone",
     "skillplan_cad.nests.planned_nests": "the orientations of a plan; its importer writes the task",
     "skillplan_cad.nests.task_nest": "the nest of a base; its importer tries it with the arm",
+    "skillplan_cad.writing.heading": "how the product stands; its importer writes the task",
     "skillplan_cad.writing.verdict_memory": "compares tasks; its importer tries one",
     "skillplan_ortools.watched_search": "the only module that imports OR-Tools",
     "skillplan_pinocchio.timing.toppra_problem": "the only import of toppra, if needed",
