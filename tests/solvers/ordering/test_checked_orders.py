@@ -16,7 +16,7 @@ from skillplan.solvers import Stop
 from skillplan.task import Verdict
 
 
-def rule_by(task, clauses):
+def rule_by(task, clauses, **attributes):
     """Return a back end that refuses a skill where all facts of one of its clauses are so."""
 
     def rule(skill, state):
@@ -31,7 +31,7 @@ def rule_by(task, clauses):
             (present if wrong[0] in state else absent).add(wrong[0])
         return Verdict.feasible(task.facts.of(*present), task.facts.of(*absent))
 
-    return fake_back_end(task, rule)
+    return fake_back_end(task, rule, **attributes)
 
 
 def draw_clauses(task, seed, share):
@@ -115,7 +115,9 @@ class LittleTime(Stop):
 def test_orders_are_checked_if_the_precedence_takes_too_much_of_the_time():
     """A plan is better than the proof that every order is one."""
     solver = make_solver("portfolio", {}, LittleTime())
-    model = model_of(board(), rule_by(board(), {}))
+    quick = make_solver("portfolio", {}, LittleTime())
+    assert quick.problem(model_of(board(), rule_by(board(), {}))).jobs
+    model = model_of(board(), rule_by(board(), {}, expected_s=0.01))
     with pytest.raises(NotASequencing, match="could not be worked out in the time"):
         solver.problem(model)
     solution = solver.solve(model)

@@ -36,6 +36,8 @@ _SHARE = 0.7
 
 # Share of the time in which a problem is derived, if it may be relaxed instead.
 _DERIVED_SHARE = 0.25
+# Least expected time of a check of a slow back end [s].
+_SLOW_S = 1e-3
 
 
 class JobOrderSolver(Solver):
@@ -89,7 +91,7 @@ class JobOrderSolver(Solver):
         if known is None or known[0] is not model:
             derived: SequencingProblem | NotASequencing
             try:
-                derived = SequencingProblem.from_model(model, self._limit_derivation())
+                derived = SequencingProblem.from_model(model, self._limit_derivation(model))
             except NotASequencing as error:
                 derived = error
             self._known = known = (model, derived)
@@ -98,9 +100,13 @@ class JobOrderSolver(Solver):
         sequencing_problem: SequencingProblem = known[1]
         return sequencing_problem
 
-    def _limit_derivation(self) -> Callable[[], bool]:
-        """Return a function that returns True once the time of the derivation is over."""
-        left_s = self.stop.left_s if self.relaxes else None
+    def _limit_derivation(self, model: SkillModel) -> Callable[[], bool]:
+        """Return a function that returns True once the time of the derivation is over.
+
+        There is no limit if every back end is quick, as the derivation is then.
+        """
+        is_slow = any(end.expected_s >= _SLOW_S for end in model.feasibility.back_ends)
+        left_s = self.stop.left_s if self.relaxes and is_slow else None
         if left_s is None:
             return lambda: False
         until_s = time.monotonic() + _DERIVED_SHARE * left_s
