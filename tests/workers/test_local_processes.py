@@ -120,6 +120,13 @@ class TestEnds:
         with pytest.raises(SkillplanError, match="could not make itself ready: TypeError"):
             heard(executor, worker)
 
+    def test_a_connection_that_its_preparation_lost_is_an_error_in_words(self, executor):
+        """It is not taken for the end of the client."""
+        words = "raise ConnectionError('the licence server is gone')"
+        worker = executor.start(exec, pack_content(words, "tests"), "tests")
+        with pytest.raises(SkillplanError, match="ConnectionError: the licence server is gone"):
+            heard(executor, worker)
+
     def test_closing_ends_all_whatever_they_are_at(self):
         """At once, and more can be started afterwards."""
         executor = LocalProcesses(2)

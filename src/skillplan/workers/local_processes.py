@@ -205,11 +205,9 @@ def _serve(line: Connection, shielded: bool) -> None:
     os.close(silence)
     # The client may be gone at any time.
     with suppress(ConnectionError):
+        prepare, content = _receive(line)
         try:
-            prepare, content = _receive(line)
             work = prepare(pickle.loads(content))
-        except ConnectionError:
-            return
         except BackEndError as error:
             line.send((_FAILED, (BackEndError, str(error))))
             return

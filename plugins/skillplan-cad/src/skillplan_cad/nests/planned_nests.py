@@ -183,10 +183,10 @@ def divide_room(
 ) -> tuple[list[Body], list[KeepFree]]:
     """Return the bodies that come straight down, and the regions that the others cross."""
     room, free = list[Body](), list[KeepFree]()
+    turn = compute_rotation_to_z(up, heading)
     for way in ways:
         bodies = [get_body(part) for part in way.parts]
         aside = [along for along in way.along if way.winds or not goes_down(along, up)]
-        turn = compute_rotation_to_z(up, heading)
         free += [_keep_free(bodies, along, turn, clearance_m, way.winds) for along in aside]
         if not aside:
             room += bodies

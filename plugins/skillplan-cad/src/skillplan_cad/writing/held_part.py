@@ -107,7 +107,7 @@ _LIGHTER = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
 # Height at which a feeder presents a part to a hand from a side: it has room, and so has the wrist.
 _RAISED_M = 0.06
 # The same for an arm of large reach [m], as a share of it.
-_LARGE_REACH_M, _RAISED_SHARE = 1.5, 0.15
+LARGE_REACH_M, _RAISED_SHARE = 1.5, 0.15
 
 # A part that is let go above its goal: room of the fingers over what encloses it, depth that guides
 # it at least, and greatest height [m].
@@ -763,7 +763,7 @@ class PartHolds:
         shape = self._known.find_shape(part, local)
         reach_m = ARMS[self._robot or DEFAULT_ARM][0].works_within_m
         # The forearm of a large arm would meet the table.
-        raised_m = round(_RAISED_SHARE * reach_m, 2) if reach_m > _LARGE_REACH_M else _RAISED_M
+        raised_m = round(_RAISED_SHARE * reach_m, 2) if reach_m > LARGE_REACH_M else _RAISED_M
         key = (*shape, part.density_kg_m3, sunk_m, *walls_m.values(), raised_m)
         tried = []
         for held in self._known.iterate(

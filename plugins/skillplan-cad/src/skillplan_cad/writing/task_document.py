@@ -51,6 +51,7 @@ from skillplan_cad.writing.held_part import (
     GRIPPERS,
     HEAVY_CUP,
     LARGE_CUP,
+    LARGE_REACH_M,
     LONG_TIPS,
     PROFILES_M,
     SMALL_CUP,
@@ -133,8 +134,8 @@ _LONGER_TRAVEL = 1.25
 # Nearest place of a level hand, if there is room, as a share of the arm's reach; and the distance
 # from its tip to the wrist.
 _NEAREST_LEVEL, WRIST = 0.55, 0.2
-# Reach of a large arm [m], and shares of it for places at which its hand points along any axis.
-_LARGE_REACH_M, _NEAREST_WRIST, _FARTHEST_WRIST = 1.5, 0.4, 0.7
+# Shares of the reach of a large arm for places at which its hand points along any axis.
+_NEAREST_WRIST, _FARTHEST_WRIST = 0.4, 0.7
 # Holders of the usual tools, and of those for small and heavy parts.
 HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
 FURTHER_HOLDERS: tuple[Place, ...] = (
@@ -267,7 +268,7 @@ def lay_out_table(
                 # The wrist of a level hand that points away from the arm is nearer than the part.
                 reach_m, far_m = ARMS[robot][0].works_within_m, np.hypot(*spots.T)
                 level = fits & (far_m >= _NEAREST_LEVEL * reach_m)
-                if reach_m > _LARGE_REACH_M:
+                if reach_m > LARGE_REACH_M:
                     # It may point anywhere, with its wrist in reach.
                     wrists = [np.abs(spots) + along for along in WRIST * reach_m * np.eye(2)]
                     behind_m = np.maximum(*(np.hypot(*wrist.T) for wrist in wrists))
