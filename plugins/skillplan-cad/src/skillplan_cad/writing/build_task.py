@@ -231,28 +231,40 @@ def _turn_product(
     """
     robot = task.document["robot"]["model"] if task.document else None
     later = _list_retried(task)
-    gone = {*absent, *later}
     up, between = task.bearing.up, task.bearing.between
-    bearing = find_bearing(product, relation, up, gone, holding=True, between=between)
     best = task
+
+    def add(gone: Collection[str], early: Collection[str]) -> Bearing:
+        missing = {*absent, *gone, *later}
+        bearing = find_bearing(product, relation, up, missing, holding=True, between=between)
+        waiting = {name: why for name, why in later.items() if name not in gone}
+        return add_turns(product, relation, bearing, {*absent, *gone}, plan.base, waiting, early)
 
     def improves(names: Set[str], held: Collection[str]) -> bool:
         if best is task:
             return _weigh(product, names) > _weigh(product, task.names)
         return names >= best.names.keys() and len(held) < len(best.bearing.held)
 
+    def promises(turned: Bearing, gone: Collection[str]) -> bool:
+        names = list_placed(relation, turned, {*absent, *gone})
+        return bool(turned.turned) and improves(names, turned.held)
+
     for early in (task.names.keys(), set[str]()):
-        turned = add_turns(product, relation, bearing, absent, plan.base, later, early)
-        is_worth = improves(list_placed(relation, turned, absent), turned.held)
-        if not (is_worth and turned.turned and robot) or watch.must_stop():
+        turned = add((), early)
+        if not (promises(turned, ()) and robot) or watch.must_stop():
             break
         further = build(turned, robot, task, early)
-        is_far = any(_is_far(why) for n, why in further.left_out.items() if n not in absent)
-        is_short = is_far or not _is_better(product, further, task)
+        is_whole = _is_better(product, further, task)
+        left_out = {n: why for n, why in further.left_out.items() if n not in absent}
+        is_short = not is_whole or any(map(_is_far, left_out.values()))
+        # No arm brings what no tool holds, or what fingers have no room for.
+        stuck = {name for name, why in left_out.items() if why.kind == "no grasp"}
         if best is task and longer not in (None, robot) and is_short and not watch.must_stop():
-            other = build(turned, longer, further, early)
-            if _is_better(product, other, further):
-                further, robot = other, longer
+            rival = further if is_whole else task
+            if promises(add(stuck, early), stuck):
+                other = build(turned, longer, rival, early)
+                if _is_better(product, other, rival):
+                    further, robot = other, longer
         is_ordered = bool(further.skills) or not best.skills
         is_better = is_ordered and improves(further.names.keys(), further.bearing.held)
         if further.doubt.startswith("turn(") or not is_better:
@@ -502,22 +514,26 @@ class _TaskBuilder:
             self._leave_out(more)
 
     def _try(self, task: WrittenTask, trials: TaskTrials, rival: WrittenTask | None) -> Trial:
-        """Try a task, first the parts that its rival lacks, until the nest is in the way."""
+        """Try a task until the nest is in the way.
+
+        First, the parts that its rival lacks, or brings in another orientation.
+        """
         listed, known = self._holds.list_order(), list[str]()
+        doubtful = set[str]() if rival is None else task.names.keys() - rival.names.keys()
         if rival is not None and rival.bearing.up == self._bearing.up:
             # Parts of the rival keep its order, before those that come after a turn.
             brought = list_brought(rival.skills)
             names = {own: name for name, own in rival.names.items()}
             known = [names[own] for own in brought if names[own] not in self._bearing.turned]
             listed = [*known, *(name for name in listed if name not in known)]
+            get_up, get_rivals_up = self._bearing.get_up, rival.bearing.get_up
+            doubtful |= {name for name in task.names if get_up(name) != get_rivals_up(name)}
         order = [task.names[name] for name in listed if name in task.names]
-        lacking = () if rival is None else task.names.keys() - rival.names.keys()
-        doubtful = [task.names[name] for name in lacking]
         return trials.try_task(
             task.document,
             task.files,
             order,
-            doubtful,
+            [task.names[name] for name in doubtful],
             [task.names[name] for name in known if name in task.names],
             lambda failure: self._is_nest_in(task, failure.text),
         )

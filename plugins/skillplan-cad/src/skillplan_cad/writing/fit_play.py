@@ -84,6 +84,10 @@ class Loosened:
     fits: tuple[Played, ...]
 
 
+# Pieces without and with play by their part, its attitude, its move, and the parts that it passes.
+LoosenedBefore = dict[tuple[object, ...], tuple[Sequence[Pieces], Loosened]]
+
+
 def list_free_directions(
     relation: Relation, upright: Upright, name: str, before: Sequence[str]
 ) -> list[tuple[Vector, int]]:
@@ -121,6 +125,8 @@ class FitPlay:
         Its contacts have the clearances as drawn.
     fits
         Cylinders in holes of the product.
+    made
+        Pieces that were loosened before, also with other orders and orientations.
     """
 
     def __init__(
@@ -130,8 +136,10 @@ class FitPlay:
         plan: AssemblyPlan,
         upright: Upright,
         fits: Sequence[CylinderFit],
+        made: LoosenedBefore,
     ) -> None:
         self._product, self._relation, self._plan = product, relation, plan
+        self._made = made
         self._upright = upright
         self._touched: dict[str, list[str]] = {}
         for contact in relation.contacts:
@@ -217,30 +225,52 @@ class FitPlay:
 
         Later parts have the play themselves, on the sides that face this part.
         """
-        along = np.asarray(self._along.get(part.name, (0.0, 0.0, -1.0)))
+        along = np.asarray(self._along.get(part.name, DOWN))
         own = self._upright.of(part.name)
-        bottom = np.array(own.bottom(part))
+        corners = np.concatenate([points for pieces in meshes for points, _ in pieces]) * _TO_MM
+        box = corners.min(axis=0), corners.max(axis=0)
+        near = [
+            (self._get_part(other), others_along, self._measure_pair_m(part.name, other))
+            for other, others_along in self._find_near(part, *box, along)
+        ]
+        there = tuple(
+            (other, None if others_along is None else others_along.tobytes(), depths_m)
+            for other, others_along, depths_m in near
+        )
+        key = part, own.matrix.tobytes(), along.tobytes(), tuple(map(id, meshes)), there
+        if key not in self._made:
+            # With the pieces, so that no others get their ids.
+            self._made[key] = meshes, self._loosen(part, meshes, along, near)
+        return self._made[key][1]
+
+    def _loosen(
+        self,
+        part: Part,
+        meshes: Sequence[Pieces],
+        along: Floats,
+        near: Sequence[tuple[Part, Floats | None, tuple[float | None, float]]],
+    ) -> Loosened:
+        """Return the pieces with play beside parts near them, given as by `loosen`."""
+        own = self._upright.of(part.name)
+        shift = -np.array(own.bottom(part)) * _TO_MM
         hulls = [[_Hull(points) for points, _ in pieces] for pieces in meshes]
         everything = [hull for mesh in hulls for hull in mesh]
-        low = np.min([hull.low for hull in everything], axis=0)
-        high = np.max([hull.high for hull in everything], axis=0)
         fits = []
-        for other, others_along in self._find_near(part, low, high, along, bottom):
-            shift = -bottom * _TO_MM
-            solid = self._solid(other, own).translate(tuple(shift.tolist()))
+        for other, others_along, (drawn_m, overlap_m) in near:
+            solid = self._solid(other.name, own).translate(tuple(shift.tolist()))
             passing = _list_passing(everything, solid, along)
-            near = _crop_to_ways(solid, passing) if passing else solid
+            cropped = _crop_to_ways(solid, passing) if passing else solid
             gaps_mm = [
-                gap for hull, back in passing for gap in hull.face(near, along, back, others_along)
+                gap
+                for hull, back in passing
+                for gap in hull.face(cropped, along, back, others_along)
             ]
             if gaps_mm:
-                pair = frozenset((part.name, other))
-                drawn_m = self.drawn_m.get(pair)
                 if drawn_m is None:
                     # Pieces may reach into the other part where meshes do not.
-                    drawn_m = max(-self._overlaps_m.get(pair, 0.0), min(gaps_mm) / _TO_MM)
+                    drawn_m = max(-overlap_m, min(gaps_mm) / _TO_MM)
                 drawn_m = round(drawn_m, _DECIMALS) + 0.0
-                fits.append(Played(part.name, other, drawn_m, max(drawn_m, PLAY_M)))
+                fits.append(Played(part.name, other.name, drawn_m, max(drawn_m, PLAY_M)))
         _continue_sides(everything, along)
         pieces = tuple(
             tuple(_cut_pieces(mesh_hulls, own_pieces, along))
@@ -248,16 +278,24 @@ class FitPlay:
         )
         return Loosened(pieces, tuple(fits))
 
+    def _measure_pair_m(self, name: str, other: str) -> tuple[float | None, float]:
+        """Return the clearance as drawn, if any, and the depth of the drawn overlap [m]."""
+        pair = frozenset((name, other))
+        return self.drawn_m.get(pair), self._overlaps_m.get(pair, 0.0)
+
+    def _get_part(self, name: str) -> Part:
+        return self._product.parts[self._product.index(name)]
+
     def _solid(self, name: str, upright: Upright) -> manifold3d.Manifold:
         """Return a part in the world, in a pose of the product."""
         key = (name, upright)
         if key not in self._solids:
-            part = self._product.parts[self._product.index(name)]
+            part = self._get_part(name)
             self._solids[key] = make_solid(upright.vertices(part), part.triangles)
         return self._solids[key]
 
     def _find_near(
-        self, part: Part, low: Floats, high: Floats, along: Floats, bottom: Floats
+        self, part: Part, low: Floats, high: Floats, along: Floats
     ) -> Iterator[tuple[str, Floats | None]]:
         """Yield the parts whose boxes a part passes within the clearance of a fit.
 
@@ -265,6 +303,7 @@ class FitPlay:
         """
         sideways = np.abs(along) < 1 - 1e-6
         own = self._upright.of(part.name)
+        bottom = np.array(own.bottom(part))
         before = [(name, None) for name in self._before.get(part.name, ())]
         after = [
             (name, np.asarray(self._along.get(name, DOWN)))

@@ -24,7 +24,7 @@ from skillplan_cad.writing.convex_pieces import (
     is_full,
     measure_excess_m,
 )
-from skillplan_cad.writing.fit_play import FitPlay, Loosened, Played
+from skillplan_cad.writing.fit_play import FitPlay, Loosened, LoosenedBefore, Played
 from skillplan_cad.writing.lanes import JawSpaces, Lane, Lanes, Sweeps, measure_thickness
 from skillplan_cad.writing.upright import Upright
 
@@ -129,7 +129,7 @@ class PieceProof:
         self._product, self._relation, self._upright = product, relation, upright
         self._watch = watch
         fits = find_cylinder_fits(product)
-        self._play = play = FitPlay(product, relation, plan, upright, fits)
+        self._play = play = FitPlay(product, relation, plan, upright, fits, cuts.loosened)
         lanes = Lanes(
             product,
             relation,
@@ -257,10 +257,11 @@ class PieceProof:
 
 
 class Cuts:
-    """Pieces of shapes and sweeps of parts, which orientations and sub-assemblies share."""
+    """Pieces of shapes, with play or not, and sweeps, which orientations and groups share."""
 
     def __init__(self) -> None:
         self.sweeps: Sweeps = {}
+        self.loosened: LoosenedBefore = {}
         # By the numbers of corners and triangles, and the allowed excess.
         self._made: dict[tuple[int, int, float], list[_Cut]] = {}
 
