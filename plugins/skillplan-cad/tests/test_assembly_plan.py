@@ -95,6 +95,16 @@ def test_when_time_is_over_no_path_is_searched_and_what_needs_one_is_left_out():
     assert cad.list_stuck(plan, relation)["key"].kind == "not examined"
 
 
+def test_a_part_whose_search_the_limit_of_work_left_out_is_not_called_late():
+    """More time does not help it."""
+    product, relation = keyed(TUNNEL - box(25, 5, 3, 35, 40, 9))
+    plan = cad.Planner(product, relation, effort=0).plan()
+    reason = cad.list_stuck(plan, relation)["key"]
+    assert reason.kind == "not examined"
+    assert "limit of work" in reason.text
+    assert "time" not in reason.text
+
+
 def test_an_option_that_joins_two_parts_fits_no_other():
     names = ("cylinder body", "cylinder rod", "unit/case", "unit/rod[1]", "pin 1", "pin 2", "pin 3")
     assert cad.find_common_pattern(("cylinder body", "cylinder rod"), names) == "cylinder *"

@@ -313,6 +313,11 @@ _LOOSE = (
     "together"
 )
 _CUT_BACK = "is drawn sunk in a part that it sits on, and is written without this overlap"
+# Reasons why no way out of a part was searched, by the outcome.
+_NOT_EXAMINED = {
+    "not searched": "was not examined in time",
+    "no effort left": "was not examined, as other parts took the whole limit of work",
+}
 # Factor on the plan's chord and tolerance for the replay.
 _FINER = 0.4
 _SHOWN = 6
@@ -547,8 +552,8 @@ def list_stuck(plan: AssemblyPlan, relation: Relation) -> dict[str, LeftOut]:
         stuck = stuck_of[name]
         by = tuple(met.part for met in stuck.search.in_the_way) or stuck.among[:_SHOWN]
         shown = " and ".join(by[:_SHOWN])
-        if stuck.search.outcome == "not searched":
-            words = f"was not examined in time: straight moves are blocked by {shown}"
+        if stuck.search.outcome in _NOT_EXAMINED:
+            words = f"{_NOT_EXAMINED[stuck.search.outcome]}: straight moves are blocked by {shown}"
             reasons[name] = LeftOut(name, "not examined", words, by)
             continue
         overlapped = [other for other in by if frozenset((name, other)) in overlapping]
@@ -721,6 +726,7 @@ def _warn_of_stuck(stuck: Stuck) -> str:
         "closed": "no straight move, path or turn that was searched leads out",
         "budget spent": f"no way out was found (iterations: {stuck.search.iterations})",
         "not searched": "only straight moves were examined",
+        "no effort left": "only straight moves were examined",
     }[stuck.search.outcome]
     return (
         f"{stuck.part} is stuck among {_name_first(stuck.among)}: {words}. In its way: "

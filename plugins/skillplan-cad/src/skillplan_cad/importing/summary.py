@@ -25,7 +25,7 @@ NO_TASK = "no task"
 
 WHY: Mapping[str, str] = {
     "stuck": "no searched motion frees it",
-    "not examined": "not examined in the time",
+    "not examined": "not examined within the limits",
     "surface": "open surface without thickness",
     "sub-assembly": "comes together with others",
     "several moves": "comes by several moves",

@@ -500,7 +500,9 @@ class Planner:
 
     def _search_path(self, part: Part, standing: Sequence[Part]) -> FreePath:
         """Search a path with a share of the effort that is left."""
-        if self._watch.must_stop() or self._effort <= 0:
+        if self._effort <= 0:
+            return FreePath("no effort left", (), 0, False, ())
+        if self._watch.must_stop():
             return FreePath("not searched", (), 0, False, ())
         effort = min(_PART_SHARE * _EFFORT, self._effort)
         with self._watch.examine(f"planning: a way out for {part.name}"):

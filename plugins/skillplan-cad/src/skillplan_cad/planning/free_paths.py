@@ -1,8 +1,9 @@
 """Search removal paths that are not straight: A* over translations, then with turns.
 
-There are four outcomes. *free*: a path was found and checked in small steps. *closed*: the search
+There are five outcomes. *free*: a path was found and checked in small steps. *closed*: the search
 covered everything reachable on the lattice without a way out. *budget spent*: undecided.
-*not searched*: the time was over before. Budgets count iterations and effort, never time.
+*not searched*: the time was over before. *no effort left*: other searches took all of it before.
+Budgets count iterations and effort, never time.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from skillplan_cad.planning.motion_space import (
 from skillplan_cad.planning.shrunk_meshes import MeshTrees
 from skillplan_cad.product import Part, Vector
 
-Outcome = Literal["free", "closed", "budget spent", "not searched"]
+Outcome = Literal["free", "closed", "budget spent", "not searched", "no effort left"]
 
 _INSET_SHARE = 0.9
 _TURN_STEPS = 24  # per full turn
