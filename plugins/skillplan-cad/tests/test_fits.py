@@ -99,6 +99,33 @@ def test_a_fit_blocks_nothing_along_its_axis(tmp_path):
     }
 
 
+def test_a_pressed_part_that_is_as_wide_beyond_its_hole_comes_out_of_it(tmp_path):
+    """A connector's tab of 2.9 mm in a slot of 2.3 mm, which reaches 2 mm below the board."""
+    board = manifold3d.Manifold.cube((40, 30, 2), True) - manifold3d.Manifold.cube(
+        (1, 2.3, 5), True
+    )
+    shell = manifold3d.Manifold.cube((8, 8, 3), True).translate((0, 0, 2.5))
+    tab = manifold3d.Manifold.cube((0.8, 2.9, 5), True).translate((0, 0, -0.5))
+    for name, solid in {"board": board, "connector": shell + tab}.items():
+        mesh = solid.to_mesh()
+        trimesh.Trimesh(mesh.vert_properties, mesh.tri_verts).export(tmp_path / f"{name}.stl")
+    product = read_product(tmp_path, ReadOptions("mm"))
+    options = FitOptions(press_fits=(("connector", "board"),))
+    joints = find_joints(product, TOLERANCE_M, "axes", "unscrew", options)
+    loose = relieve_fits(
+        product, joints.contacts, joints.fasteners, TOLERANCE_M, directions=joints.directions
+    )
+    entries = find_blocked(loose, joints.directions, TOLERANCE_M).entries
+    blocked = {joints.directions[e.direction] for e in entries if e.part == "connector"}
+    assert (0, 0, 1) not in blocked
+    assert (0, 0, -1) in blocked
+    # Of the tab, 0.3 mm on each side are lost from the top of the board down.
+    drawn, thinner = (
+        trimesh.Trimesh(p.parts[1].vertices_m, p.parts[1].triangles) for p in (product, loose)
+    )
+    assert 1e9 * (drawn.volume - thinner.volume) == pytest.approx(0.6 * 0.8 * 4, rel=1e-2)
+
+
 def test_a_seal_may_be_squeezed_by_a_third_of_its_section(tmp_path):
     """A ring of 2 mm that stands 0.2 mm into its groove."""
     seal = trimesh.creation.torus(major_radius=21.0, minor_radius=1.2)

@@ -441,7 +441,9 @@ def analyse_product(
         ),
     )
     joints = restore_joints(content)
-    relieved = relieve_fits(product, joints.contacts, joints.fasteners, tolerance_m)
+    relieved = relieve_fits(
+        product, joints.contacts, joints.fasteners, tolerance_m, directions=joints.directions
+    )
     if relieved is not product:
         about["joints"] = hashlib.sha256(content).hexdigest()
     content, blocked_hash = stages.run(

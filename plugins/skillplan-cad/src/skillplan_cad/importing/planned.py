@@ -454,7 +454,14 @@ def _write_task(
     writing.tell("writing ...")
     product, relation, joints = findings.relieved, findings.relation, findings.joints
     tolerance_m = settings.tolerance_mm / 1000
-    loose = relieve_fits(findings.product, joints.contacts, joints.fasteners, tolerance_m, PLAY_M)
+    loose = relieve_fits(
+        findings.product,
+        joints.contacts,
+        joints.fasteners,
+        tolerance_m,
+        PLAY_M,
+        joints.directions,
+    )
     remarks = list_thinned(findings.product, joints, tolerance_m, loose)
     arm, longer, known, cuts = settings.robot, None, KnownHolds(), Cuts()
     if arm == AUTO_ARM:
@@ -528,7 +535,9 @@ def list_thinned(
     for words, contacts in contacts_of.items():
         thinned = loose
         if len(contacts_of) > 1:
-            thinned = relieve_fits(product, contacts, joints.fasteners, tolerance_m, PLAY_M)
+            thinned = relieve_fits(
+                product, contacts, joints.fasteners, tolerance_m, PLAY_M, joints.directions
+            )
         for drawn, thinner in zip(product, thinned, strict=True):
             if drawn is not thinner:
                 remarks[drawn.name] = (*remarks.get(drawn.name, ()), words)
@@ -663,7 +672,9 @@ def _plan_and_replay(
         same = any(part in findings.product.parts for part in finer)
         share = 1.0 if same else _FINER
         joints = findings.joints
-        finer = relieve_fits(finer, joints.contacts, joints.fasteners, tolerance_m)
+        finer = relieve_fits(
+            finer, joints.contacts, joints.fasteners, tolerance_m, directions=joints.directions
+        )
         return serialize_replay(replay(finer, relation, plan, share * tolerance_m, watch))
 
     content, _ = findings.stages.run(

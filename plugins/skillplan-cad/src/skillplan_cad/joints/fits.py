@@ -60,6 +60,9 @@ _HALVINGS = 6
 _CORNERS = 48
 # Smallest depth that is no rounding error, in metres and in radii.
 _NOISE_M, _NOISE = 1e-6, 1e-4
+# Smallest cosine between the way of a part and the normal of a face that it meets, and places on
+# its way at which overlaps are compared.
+_AHEAD, _SHARES = 1e-6, (0.1, 0.25, 0.5)
 # Volume below which a body is a film that a cut leaves [mm3].
 _FILM_MM3 = 1e-6
 
@@ -272,11 +275,12 @@ def relieve_fits(
     fasteners: Sequence[Fastener],
     tolerance_m: float,
     play_m: float = 0.0,
+    directions: Sequence[Vector] = (),
 ) -> Product:
     """Return a product whose fits touch instead of overlapping.
 
     A shaft gets the size of its hole; a hole that is not drawn is drilled; of other pairs the
-    smaller part loses the overlap.
+    smaller part loses the overlap, and if it is pressed, whatever would not pass on its way.
 
     Parameters
     ----------
@@ -284,6 +288,8 @@ def relieve_fits(
         Overlaps of flat faces below half of it stay as drawn [m].
     play_m
         Play between a shaft and its hole, on each side [m].
+    directions
+        Unit vectors along which a pressed part may leave.
     """
     parts = list(product.parts)
     pressed = [contact for contact in contacts if contact.fit and contact.kind != "thread"]
@@ -304,7 +310,9 @@ def relieve_fits(
             smaller, larger = sorted(numbers, key=lambda number: parts[number].volume_m3)
             line = _find_line(contact, parts[smaller], fasteners)
             if line is None:
-                parts[smaller] = _cut_away(parts[smaller], parts[larger])
+                is_pressed = contact.fit is not None and contact.fit.kind == "press fit"
+                ways = directions if is_pressed else ()
+                parts[smaller] = _cut_away(parts[smaller], parts[larger], ways)
             else:
                 own = product.index(line.part)
                 other = smaller if own == larger else larger
@@ -429,10 +437,52 @@ def _is_on_axis(points: Points, origin: Points, axis: Points) -> bool:
     return bool(np.abs(across).max() < 1e-6)
 
 
-def _cut_away(part: Part, other: Part) -> Part:
-    """Return a part without its overlap with another; as drawn if nothing whole would be left."""
-    solids = [make_solid(item.vertices_m, item.triangles) for item in (part, other)]
-    rest = solids[0] - solids[1]
-    if rest.is_empty() or rest.volume() < 0.5 * solids[0].volume():
+def _cut_away(part: Part, other: Part, directions: Sequence[Vector]) -> Part:
+    """Return a part without its overlap with another; as drawn if nothing whole would be left.
+
+    Parameters
+    ----------
+    directions
+        Unit vectors: the part also passes the other on its way along one of them, the one along
+        which they overlap least.
+    """
+    solid, mate = (make_solid(item.vertices_m, item.triangles) for item in (part, other))
+    ways = [_measure_extent(solid, vector) * np.asarray(vector) for vector in directions]
+    met_mm3 = [
+        sum(float((solid.translate((share * way).tolist()) ^ mate).volume()) for share in _SHARES)
+        for way in ways
+    ]
+    if ways:
+        mate += _sweep_past(mate, solid, ways[int(np.argmin(np.round(met_mm3, 6)))])
+    rest = solid - mate
+    if rest.is_empty() or rest.volume() < 0.5 * solid.volume():
         return part
     return _replace_solid(part, rest, np.eye(3), np.zeros(3))
+
+
+def _measure_extent(solid: Any, vector: Vector) -> float:
+    """Return an upper bound of the extent of a solid along a vector."""
+    low, high = np.reshape(solid.bounding_box(), (2, 3))
+    return float((high - low) @ np.abs(vector))
+
+
+def _sweep_past(mate: Any, solid: Any, way: Points) -> Any:
+    """Return the space that a solid meets of another one on its way out.
+
+    Seen from it, the faces of the other one that point ahead come towards it.
+    """
+    import manifold3d
+
+    low, high = np.reshape(solid.bounding_box(), (2, 3))
+    ends = np.array([low, high, low + way, high + way])
+    box = manifold3d.Manifold.cube(tuple(np.ptp(ends, axis=0).tolist()))
+    near = mate ^ box.translate(tuple(ends.min(axis=0).tolist()))
+    mesh = near.to_mesh64()
+    points = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    corners = points[np.asarray(mesh.tri_verts, dtype=np.int64)]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths_mm = np.linalg.norm(across, axis=1) * np.linalg.norm(way)
+    is_met = -across @ way > _AHEAD * lengths_mm
+    prisms = np.concatenate([corners[is_met], corners[is_met] - way], axis=1)
+    swept = list(map(manifold3d.Manifold.hull_points, prisms))
+    return manifold3d.Manifold.batch_boolean([near, *swept], manifold3d.OpType.Add)
