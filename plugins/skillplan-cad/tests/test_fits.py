@@ -452,6 +452,20 @@ def test_pieces_of_a_grid_leave_the_narrow_gap_free_that_jaws_reach_into():
     assert not are_free(None)
 
 
+def test_pieces_of_a_wide_hole_do_not_reach_into_the_part_that_goes_through_it():
+    """A hole 1 mm wider than the part on each side, in a plate that is cut for that part alone."""
+    hole, room, part = (
+        manifold3d.Manifold.cylinder(22, radius, radius, 96).translate((0, 0, -1))
+        for radius in (18.5, 17.74, 17.5)
+    )
+    plate = manifold3d.Manifold.cylinder(20, 40, 40, 96) - hole
+    mesh = plate.to_mesh()
+    lane = Lane(room ^ (plate.hull() - plate), 2.4e-4, 2e-5, manifold3d.Manifold())
+    pieces = decompose_convex(mesh.vert_properties / 1e3, mesh.tri_verts, 5e-3, (), lane)
+    hulls = [manifold3d.Manifold.hull_points(corners * 1e3) for corners, _ in pieces]
+    assert max((hull ^ part).volume() for hull in hulls) < 1e-3
+
+
 def test_a_strip_that_no_cut_frees_leaves_the_way_of_parts():
     """Its hull would fill the way before a ledge; both halves of any cut are sheer."""
     strip = manifold3d.Manifold.cube((0.02, 0.01, 8.8))

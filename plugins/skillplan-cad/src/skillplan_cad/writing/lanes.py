@@ -42,8 +42,8 @@ _AHEAD = 1e-6
 # Smallest cosine of a face that is square to the move.
 _SQUARE = 1 - 1e-9
 # Thickness above which a gap may be a recess of a wall [mm]. It is in the way of a part if it
-# reaches into its lane by more than the clearance and a share of it.
-_RECESS_MM, _FURTHER = 0.3, 1.25
+# reaches through the clearance.
+_RECESS_MM = 0.3
 # Difference of sizes of lanes that are one, as a share, and of places of their jaws.
 _SAME_SIZE, _SAME_PLACE_MM = 1e-4, 1e-3
 _LEAST_MM, _LEAST_MM3 = 1e-3, 1e-3
@@ -114,7 +114,7 @@ class Lane:
         bodies = (gap ^ self.solid).decompose() if bodies is None else bodies
         reach_mm = 2 * max(map(measure_thickness, bodies), default=0.0)
         is_recess = measure_thickness(gap) > _RECESS_MM
-        if not is_recess or reach_mm >= 2 * _FURTHER * self.clearance_m * _TO_MM:
+        if not is_recess or reach_mm >= self.clearance_m * _TO_MM:
             return reach_mm
         return 0.0 if self.narrower is None else self.narrower.measure_reach_mm(gap)
 
