@@ -37,13 +37,14 @@ Sweeps = dict[tuple[Part, Part, bytes, float, bool], tuple[manifold3d.Manifold, 
 _TO_MM = 1e3
 # Share of a clearance that pieces may fill, and the widest clearance that is kept free [m].
 _CLEARANCE_SHARE, _WIDEST_M = 0.2, 3e-4
+_ROUNDED_M = 1e-9
 # Smallest cosine between the move and the normal of a face that points ahead.
 _AHEAD = 1e-6
 # Smallest cosine of a face that is square to the move.
 _SQUARE = 1 - 1e-9
 # Thickness above which a gap may be a recess of a wall [mm]. It is in the way of a part if it
-# reaches through the clearance.
-_RECESS_MM = 0.3
+# reaches through the widest clearance, or farther through a narrow one: such a part gets play.
+_RECESS_MM, _FURTHER = 0.3, 2.5
 # Difference of sizes of lanes that are one, as a share, and of places of their jaws.
 _SAME_SIZE, _SAME_PLACE_MM = 1e-4, 1e-3
 _LEAST_MM, _LEAST_MM3 = 1e-3, 1e-3
@@ -114,7 +115,9 @@ class Lane:
         bodies = (gap ^ self.solid).decompose() if bodies is None else bodies
         reach_mm = 2 * max(map(measure_thickness, bodies), default=0.0)
         is_recess = measure_thickness(gap) > _RECESS_MM
-        if not is_recess or reach_mm >= self.clearance_m * _TO_MM:
+        is_wide = self.clearance_m > (1 - _CLEARANCE_SHARE) * _WIDEST_M - _ROUNDED_M
+        share = 1.0 if is_wide else _FURTHER
+        if not is_recess or reach_mm >= share * self.clearance_m * _TO_MM:
             return reach_mm
         return 0.0 if self.narrower is None else self.narrower.measure_reach_mm(gap)
 
