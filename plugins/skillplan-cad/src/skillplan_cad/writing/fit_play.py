@@ -160,14 +160,19 @@ class FitPlay:
             for contact in relation.contacts
             if contact.fit is not None and contact.kind != "thread"
         ]
-        # Depths of drawn overlaps, by the names of both parts [m]; press fits leave waists.
+        # Depths of drawn overlaps, by the names of both parts [m].
         self._overlaps_m = {pair: fit.depth_m for pair, fit in fitted}
-        self.waists_m = {pair: fit.depth_m for pair, fit in fitted if fit.kind != "sunk"}
         # Clearances as drawn, by the names of both parts [m].
         self.drawn_m: dict[frozenset[str], float] = {}
         for first, second, clearance_m in drawn:
             pair = frozenset((first, second))
             self.drawn_m[pair] = min(clearance_m, self.drawn_m.get(pair, clearance_m))
+        # Depths of the waists that press fits leave; a pressed part that is not round has none.
+        self.waists_m = {
+            pair: fit.depth_m
+            for pair, fit in fitted
+            if fit.kind != "sunk" and (fit.kind != "press fit" or self.drawn_m.get(pair, 0.0) < 0)
+        }
         self.follow(())
 
     def follow(self, order: Sequence[str]) -> None:
