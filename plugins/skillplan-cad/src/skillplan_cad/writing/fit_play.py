@@ -167,12 +167,16 @@ class FitPlay:
         for first, second, clearance_m in drawn:
             pair = frozenset((first, second))
             self.drawn_m[pair] = min(clearance_m, self.drawn_m.get(pair, clearance_m))
-        # Depths of the waists that press fits leave; a pressed part that is not round has none.
-        self.waists_m = {
-            pair: fit.depth_m
-            for pair, fit in fitted
-            if fit.kind != "sunk" and (fit.kind != "press fit" or self.drawn_m.get(pair, 0.0) < 0)
-        }
+        # Depths of the waists that press fits leave, by the names of the part that has it, which is
+        # a shaft or the smaller one, and the other.
+        self.waists_m: dict[tuple[str, str], float] = {}
+        shafts = {frozenset((inner, outer)): inner for inner, outer, _ in drawn[: len(fits)]}
+        for pair, fit in fitted:
+            smaller = min(sorted(pair), key=lambda name: self._get_part(name).volume_m3)
+            thinner = shafts.get(pair, smaller)
+            (other,) = pair - {thinner}
+            if fit.kind != "sunk":
+                self.waists_m[thinner, other] = fit.depth_m
         self.follow(())
 
     def follow(self, order: Sequence[str]) -> None:

@@ -181,8 +181,10 @@ class Lanes:
     ----------
     list_moves
         Returns the other parts in the order with their moves past a part in its pose.
-    drawn_m, waists_m
-        Clearances as drawn, and depths of press fits, by the names of both parts [m].
+    drawn_m
+        Clearances as drawn, by the names of both parts [m].
+    waists_m
+        Depths of press fits, by the names of the part that they leave thinner and the other [m].
     sweeps
         Spaces that were found before, also with other orders and products.
     """
@@ -194,7 +196,7 @@ class Lanes:
         upright: Upright,
         list_moves: Callable[[str], list[tuple[str, Floats]]],
         drawn_m: Mapping[frozenset[str], float],
-        waists_m: Mapping[frozenset[str], float],
+        waists_m: Mapping[tuple[str, str], float],
         sweeps: Sweeps,
     ) -> None:
         self._product, self._relation, self._upright = product, relation, upright
@@ -233,7 +235,7 @@ class Lanes:
             clearance_m = (1 - _CLEARANCE_SHARE) * min(max(drawn_m, PLAY_M), _WIDEST_M)
             sweep, thickness_mm = self._sweep(part, other, along, clearance_m, concave, rooms)
             # The waist that a press fit leaves is none: all of the part has to pass.
-            if thickness_mm > self._waists_m.get(pair, 0.0) * _TO_MM:
+            if thickness_mm > self._waists_m.get((part.name, other.name), 0.0) * _TO_MM:
                 sweeps.setdefault(clearance_m, []).append(sweep)
         room = rooms[:, 0].min(axis=0), rooms[:, 1].max(axis=0)
         near = [
