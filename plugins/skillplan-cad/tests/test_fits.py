@@ -123,7 +123,7 @@ def test_a_pressed_part_that_is_as_wide_beyond_its_hole_comes_out_of_it(tmp_path
     blocked = {joints.directions[e.direction] for e in entries if e.part == "connector"}
     assert (0, 0, 1) not in blocked
     assert (0, 0, -1) in blocked
-    # Of the tab, 0.7 mm on each side are lost from the top of the board down.
+    # From the top of the board down, the tab loses 0.7 mm on each side.
     drawn, thinner = (
         trimesh.Trimesh(p.parts[1].vertices_m, p.parts[1].triangles) for p in (product, loose)
     )

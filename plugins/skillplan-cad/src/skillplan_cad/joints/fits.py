@@ -447,7 +447,8 @@ def _cut_away(part: Part, other: Part, directions: Sequence[Vector]) -> Part:
         which they overlap least.
     """
     solid, mate = (make_solid(item.vertices_m, item.triangles) for item in (part, other))
-    ways = [_measure_extent(solid, vector) * np.asarray(vector) for vector in directions]
+    sizes_mm = np.ptp(np.reshape(solid.bounding_box(), (2, 3)), axis=0)
+    ways = [float(sizes_mm @ np.abs(vector)) * np.asarray(vector) for vector in directions]
     met_mm3 = [
         sum(float((solid.translate((share * way).tolist()) ^ mate).volume()) for share in _SHARES)
         for way in ways
@@ -460,16 +461,10 @@ def _cut_away(part: Part, other: Part, directions: Sequence[Vector]) -> Part:
     return _replace_solid(part, rest, np.eye(3), np.zeros(3))
 
 
-def _measure_extent(solid: Any, vector: Vector) -> float:
-    """Return an upper bound of the extent of a solid along a vector."""
-    low, high = np.reshape(solid.bounding_box(), (2, 3))
-    return float((high - low) @ np.abs(vector))
-
-
 def _sweep_past(mate: Any, solid: Any, way: Points) -> Any:
-    """Return the space that a solid meets of another one on its way out.
+    """Return the space that a mate takes, seen from a solid that moves out along a way [mm].
 
-    Seen from it, the faces of the other one that point ahead come towards it.
+    Faces of the mate that point against the way are extruded backwards along it.
     """
     import manifold3d
 

@@ -234,9 +234,11 @@ def _turn_product(
     up, between = task.bearing.up, task.bearing.between
     best = task
 
-    def add(gone: Collection[str], early: Collection[str]) -> Bearing:
+    def find(gone: Collection[str]) -> Bearing:
         missing = {*absent, *gone, *later}
-        bearing = find_bearing(product, relation, up, missing, holding=True, between=between)
+        return find_bearing(product, relation, up, missing, holding=True, between=between)
+
+    def add(bearing: Bearing, gone: Collection[str], early: Collection[str]) -> Bearing:
         waiting = {name: why for name, why in later.items() if name not in gone}
         return add_turns(product, relation, bearing, {*absent, *gone}, plan.base, waiting, early)
 
@@ -249,8 +251,9 @@ def _turn_product(
         names = list_placed(relation, turned, {*absent, *gone})
         return bool(turned.turned) and improves(names, turned.held)
 
+    plain = find(())
     for early in (task.names.keys(), set[str]()):
-        turned = add((), early)
+        turned = add(plain, (), early)
         if not (promises(turned, ()) and robot) or watch.must_stop():
             break
         further = build(turned, robot, task, early)
@@ -259,12 +262,12 @@ def _turn_product(
         is_short = not is_whole or any(map(_is_far, left_out.values()))
         # No arm brings what no tool holds, or what fingers have no room for.
         stuck = {name for name, why in left_out.items() if why.kind == "no grasp"}
-        if best is task and longer not in (None, robot) and is_short and not watch.must_stop():
+        may_help = best is task and longer != robot and is_short and not watch.must_stop()
+        if longer and may_help and promises(add(find(stuck), stuck, early), stuck):
             rival = further if is_whole else task
-            if promises(add(stuck, early), stuck):
-                other = build(turned, longer, rival, early)
-                if _is_better(product, other, rival):
-                    further, robot = other, longer
+            other = build(turned, longer, rival, early)
+            if _is_better(product, other, rival):
+                further, robot = other, longer
         is_ordered = bool(further.skills) or not best.skills
         is_better = is_ordered and improves(further.names.keys(), further.bearing.held)
         if further.doubt.startswith("turn(") or not is_better:

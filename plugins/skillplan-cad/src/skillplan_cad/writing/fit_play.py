@@ -172,10 +172,10 @@ class FitPlay:
         self.waists_m: dict[tuple[str, str], float] = {}
         shafts = {frozenset((inner, outer)): inner for inner, outer, _ in drawn[: len(fits)]}
         for pair, fit in fitted:
-            smaller = min(sorted(pair), key=lambda name: self._get_part(name).volume_m3)
-            thinner = shafts.get(pair, smaller)
-            (other,) = pair - {thinner}
             if fit.kind != "sunk":
+                smaller = min(sorted(pair), key=lambda name: self._get_part(name).volume_m3)
+                thinner = shafts.get(pair, smaller)
+                (other,) = pair - {thinner}
                 self.waists_m[thinner, other] = fit.depth_m
         self.follow(())
 
@@ -259,7 +259,14 @@ class FitPlay:
         along: Floats,
         near: Sequence[tuple[Part, Floats | None, tuple[float | None, float]]],
     ) -> Loosened:
-        """Return the pieces with play beside parts near them, given as by `loosen`."""
+        """Compute the pieces for `loosen`.
+
+        Parameters
+        ----------
+        near
+            Parts near it with the direction in which a later one comes, the clearance as drawn, if
+            any, and the depth of the drawn overlap [m].
+        """
         own = self._upright.of(part.name)
         shift = -np.array(own.bottom(part)) * _TO_MM
         hulls = [[_Hull(points) for points, _ in pieces] for pieces in meshes]
