@@ -141,6 +141,21 @@ def test_pieces_leave_the_counterbore_free_in_which_a_chamfered_head_sinks():
     assert max((hull ^ head).volume() for hull in hulls) < 1e-3
 
 
+@pytest.mark.parametrize(("bore_mm", "width_mm"), [(4.0, 7.8), (4.05, 7.9), (4.2, 8.0)])
+def test_a_head_has_play_in_its_counterbore(bore_mm, width_mm):
+    solids = {
+        "base": box(0, 0, 0, 60, 40, 20) - rod(30, 20, 10, 2, 10),
+        "plate": box(0, 0, 20, 60, 40, 30) - rod(30, 20, 20, 2, 10) - rod(30, 20, 24, bore_mm, 9),
+        "M4 screw": rod(30, 20, 12, 2, 12) + rod(30, 20, 24, 4, 3),
+    }
+    task = cad.build_task(*relate(product_of(solids)))
+    written_mm = 1e3 * task.document["screws"]["M4_screw"]["head_diameter_m"]
+    # Chords of a round wall lie within its radius.
+    assert written_mm == pytest.approx(width_mm, abs=0.02)
+    is_narrower = any("as plate leaves it" in words for words in task.limits.get("M4 screw", ()))
+    assert is_narrower == (width_mm < 8)
+
+
 def test_pieces_do_not_stand_out_of_the_face_that_a_jaw_presses():
     """A step of 0.25 mm below the jaw is less than other gaps of pieces may be wide."""
     solids = {

@@ -62,7 +62,7 @@ from skillplan_cad.writing.held_part import (
     build_tips,
     equip_hand,
 )
-from skillplan_cad.writing.lanes import LEAST_HEAD_M, MOST_HOVER_M, JawSpaces
+from skillplan_cad.writing.lanes import LEAST_HEAD_M, MOST_HOVER_M, PLAY_M, JawSpaces
 from skillplan_cad.writing.pieces_proof import PieceProof, ProvedPieces
 from skillplan_cad.writing.upright import (
     Upright,
@@ -810,6 +810,9 @@ def build_screw_entry(
 
 # Rays around a head, unevenness of a seat [m], and fewest points of a contact on a seat.
 _RING_RAYS, _UNEVEN_M, _SEAT_POINTS = 16, 1e-5, 3
+# Rays around an axis to the walls of a counterbore, and heights at which they begin, as shares of
+# that of the head.
+_WALL_RAYS, _HEAD_HEIGHTS = 64, (0.25, 0.5, 0.75)
 
 
 def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float) -> float:
@@ -828,6 +831,31 @@ def _measure_hover_m(through: Part, mouth: Floats, axis: Floats, radius_m: float
         return 0.0
     hover_m = float(hovers_m.min())
     return hover_m if 0.0 < hover_m <= MOST_HOVER_M + _UNEVEN_M else 0.0
+
+
+def _measure_wall_m(
+    other: Part, mouth: Floats, axis: Floats, height_m: float, radius_m: float
+) -> float:
+    """Return the least radius of the walls around a head and its way out [m]; inf if none is near.
+
+    Parameters
+    ----------
+    mouth
+        Middle of the seat in the product's frame [m].
+    """
+    frame = find_axes_across(tuple(axis.tolist()))
+    places, reach_m = (other.vertices_m - mouth) @ frame.T, radius_m + PLAY_M
+    end_m = float(((other.vertices_m - mouth) @ axis).max())
+    is_beside = (places.min(axis=0) > reach_m) | (places.max(axis=0) < -reach_m)
+    if end_m <= _HEAD_HEIGHTS[0] * height_m or is_beside.any():
+        return math.inf
+    heights_m = [share * height_m for share in _HEAD_HEIGHTS]
+    heights_m += np.linspace(height_m, end_m, _RING_RAYS)[:-1].tolist()
+    angles = np.linspace(0, 2 * np.pi, _WALL_RAYS, endpoint=False)
+    across = np.column_stack([np.cos(angles), np.sin(angles)]) @ frame
+    origins = np.repeat(np.outer(heights_m, axis), _WALL_RAYS, axis=0) * 1000
+    _, radii_mm = RayMesh(other, mouth).trace(origins, np.tile(across, (len(heights_m), 1)))
+    return float(radii_mm.min()) / 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -1564,6 +1592,10 @@ class TaskWriter:
                 f"is drawn {hover_m * 1e3:.2g} mm over {seat}, and driven home; "
                 "the room below its tip is not checked",
             )
+        # A countersunk head has its seat at the wall.
+        has_floor = hover_m > 0 or _find_touched_seat(part, fastener, self.relation) is not None
+        if fastener.kind == "screw" and has_floor:
+            entry["head_diameter_m"] = self._narrow_head(part, fastener, entry)
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
         turned: dict[str, Any] = self._name_orientation(part)
@@ -1576,6 +1608,31 @@ class TaskWriter:
         entry |= {} if stretch_m is None else {"insert_m": stretch_m}
         keys = {"through": through, **entry, **fed, **turned, **self._drive_nut(part)}
         return {"tool": self.drivers[part.name], **keys}
+
+    def _narrow_head(self, part: Part, fastener: Fastener, entry: Mapping[str, Any]) -> float:
+        """Return the diameter of a head that has play in its counterbore [m].
+
+        A head that the parts around it would leave no seat is as wide as drawn.
+        """
+        drawn_m = float(entry["head_diameter_m"])
+        radius_m, axis = drawn_m / 2, np.asarray(fastener.axis)
+        mouth = self.upright.unpoint(np.asarray(entry["hole_m"]))
+        walls = [
+            (_measure_wall_m(other, mouth, axis, entry["head_height_m"], radius_m), other.name)
+            for other in self.kept
+            if other.name != part.name and self._get_driven(other) is None
+        ]
+        wall_m, wall = min(walls, default=(math.inf, ""))
+        play_m = wall_m - radius_m
+        narrowed_m = wall_m - PLAY_M
+        if play_m >= PLAY_M - _UNEVEN_M or narrowed_m <= (fastener.diameter_m / 2 + radius_m) / 2:
+            return drawn_m
+        self._note(
+            part.name,
+            f"has a head that is written {(radius_m - narrowed_m) * 2e3:.2g} mm narrower, as "
+            f"{wall} leaves it {max(play_m, 0.0) * 1e3:.2g} mm on each side",
+        )
+        return round(2 * narrowed_m, 6)
 
     def _name_orientation(self, part: Part) -> dict[str, Any]:
         """Return the key of the orientation in which a part goes in, if the product turns."""
