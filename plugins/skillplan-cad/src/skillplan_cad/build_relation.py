@@ -13,7 +13,7 @@ from skillplan_cad.joints.contacts_of import find_contacts
 from skillplan_cad.joints.cylinder_fits import find_cylinder_fits
 from skillplan_cad.joints.directions import Source, choose_directions
 from skillplan_cad.joints.fasteners_of import FastenerOptions, find_fasteners
-from skillplan_cad.joints.fits import FitOptions, classify_overlaps
+from skillplan_cad.joints.fits import FitOptions, classify_overlaps, relieve_fits
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import (
     Blocking,
@@ -43,6 +43,12 @@ class Joints:
     fasteners: tuple[Fastener, ...]
     directions: tuple[Vector, ...]
     notes: tuple[str, ...] = ()
+
+    def relieve(self, product: Product, tolerance_m: float, play_m: float = 0.0) -> Product:
+        """Return a product whose fits touch instead of overlapping, or have some play [m]."""
+        return relieve_fits(
+            product, self.contacts, self.fasteners, tolerance_m, play_m, self.directions
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -162,6 +162,16 @@ class Product:
                 return number
         raise KeyError(name)
 
+    def part(self, name: str) -> Part:
+        """Return a part by its name.
+
+        Raises
+        ------
+        KeyError
+            If the name is unknown.
+        """
+        return self.parts[self.index(name)]
+
 
 def make_solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
     """Return a closed mesh as a solid in millimetres; empty if the mesh is not closed."""

@@ -50,7 +50,7 @@ def _place_parts(
     product: Product, upright: Upright, title: str, names: Sequence[str]
 ) -> tuple[Body, Pose]:
     """Return some parts as one body, and its pose."""
-    parts = [product.parts[product.index(name)] for name in names]
+    parts = [product.part(name) for name in names]
     bottom = upright.bottom(parts[0])
     meshes = [_build_mesh(part, upright, bottom) for part in parts]
     body = Body(title, tuple(mesh.box for mesh in meshes), (), 1.0, surfaces=tuple(meshes))

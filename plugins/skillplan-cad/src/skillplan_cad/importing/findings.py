@@ -31,7 +31,6 @@ from skillplan_cad.build_relation import (
 from skillplan_cad.importing.materials import assign_materials
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.joints.fastener_names import recognise_kind
-from skillplan_cad.joints.fits import relieve_fits
 from skillplan_cad.planning.assembly_plan import find_groups
 from skillplan_cad.planning.precedence import derive_precedence, list_members
 from skillplan_cad.planning.shrunk_meshes import MeshTree, shrink_mesh
@@ -160,7 +159,7 @@ class Confirmation:
 
     def _get_tree(self, name: str) -> MeshTree:
         if name not in self._trees:
-            part = self._product.parts[self._product.index(name)]
+            part = self._product.part(name)
             points = shrink_mesh(part.vertices_m, part.triangles, self._inset_m)
             self._trees[name] = MeshTree(name, points, part.triangles)
         return self._trees[name]
@@ -441,9 +440,7 @@ def analyse_product(
         ),
     )
     joints = restore_joints(content)
-    relieved = relieve_fits(
-        product, joints.contacts, joints.fasteners, tolerance_m, directions=joints.directions
-    )
+    relieved = joints.relieve(product, tolerance_m)
     if relieved is not product:
         about["joints"] = hashlib.sha256(content).hexdigest()
     content, blocked_hash = stages.run(
@@ -662,7 +659,7 @@ def list_units(
     tiny = {part.name for part in product if np.ptp(part.bounds_m, axis=0).max() < _TINY_M}
     inside += [c.parts for c in relation.contacts if len({*c.parts} & tiny) == 1]
     for fastener in relation.fasteners:
-        if fastener.is_headless(product.parts[product.index(fastener.part)].vertices_m):
+        if fastener.is_headless(product.part(fastener.part).vertices_m):
             inside += [(fastener.part, mate) for mate in fastener.threaded_in if mate in bought]
     for names in _split_by_assembly(product, relation.names):
         units += _link(names, [pair for pair in inside if {*pair} <= {*names}])
@@ -706,7 +703,7 @@ def find_closing(product: Product, locked: Iterable[Sequence[str]]) -> str | Non
     """Return the largest part of a few shells that holds most of the parts of its locked set."""
     sizes_m3: dict[str, float] = {}
     for lock in locked:
-        parts = [product.parts[product.index(name)] for name in lock]
+        parts = [product.part(name) for name in lock]
         for part in parts:
             low, high = part.bounds_m
             others = np.array([other.centre_m for other in parts if other is not part])

@@ -6,7 +6,7 @@ import hashlib
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from skillplan_cad.importing.exploded import AddedBody, place_bodies
 from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.importing.summary import shorten_list
-from skillplan_cad.joints.fits import relieve_fits
 from skillplan_cad.nests.planned_nests import plan_nests
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, add_groups
 from skillplan_cad.planning.bearing import ATTITUDES, Bearing, find_bearing, find_best_bearing
@@ -454,14 +453,7 @@ def _write_task(
     writing.tell("writing ...")
     product, relation, joints = findings.relieved, findings.relation, findings.joints
     tolerance_m = settings.tolerance_mm / 1000
-    loose = relieve_fits(
-        findings.product,
-        joints.contacts,
-        joints.fasteners,
-        tolerance_m,
-        PLAY_M,
-        joints.directions,
-    )
+    loose = joints.relieve(findings.product, tolerance_m, PLAY_M)
     remarks = list_thinned(findings.product, joints, tolerance_m, loose)
     arm, longer, known, cuts = settings.robot, None, KnownHolds(), Cuts()
     if arm == AUTO_ARM:
@@ -535,9 +527,8 @@ def list_thinned(
     for words, contacts in contacts_of.items():
         thinned = loose
         if len(contacts_of) > 1:
-            thinned = relieve_fits(
-                product, contacts, joints.fasteners, tolerance_m, PLAY_M, joints.directions
-            )
+            some = replace(joints, contacts=tuple(contacts))
+            thinned = some.relieve(product, tolerance_m, PLAY_M)
         for drawn, thinner in zip(product, thinned, strict=True):
             if drawn is not thinner:
                 remarks[drawn.name] = (*remarks.get(drawn.name, ()), words)
@@ -671,10 +662,7 @@ def _plan_and_replay(
         finer = read_finer(path, findings.product, settings.reading, _FINER)
         same = any(part in findings.product.parts for part in finer)
         share = 1.0 if same else _FINER
-        joints = findings.joints
-        finer = relieve_fits(
-            finer, joints.contacts, joints.fasteners, tolerance_m, directions=joints.directions
-        )
+        finer = findings.joints.relieve(finer, tolerance_m)
         return serialize_replay(replay(finer, relation, plan, share * tolerance_m, watch))
 
     content, _ = findings.stages.run(

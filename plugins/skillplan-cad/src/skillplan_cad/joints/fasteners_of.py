@@ -420,7 +420,7 @@ class _Search:
                 names |= set(contact.parts) - {candidate.part.name}
         if not names:
             return True
-        others = [self._product.parts[self._product.index(name)] for name in names]
+        others = [self._product.part(name) for name in names]
         largest = max(others, key=lambda part: part.volume_m3)
         longest_m = max(float(np.max(part.bounds_m[1] - part.bounds_m[0])) for part in others)
         width_m = 2 * candidate.shape.head_m

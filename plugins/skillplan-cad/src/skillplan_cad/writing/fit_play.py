@@ -300,7 +300,7 @@ class FitPlay:
         return self.drawn_m.get(pair), self._overlaps_m.get(pair, 0.0)
 
     def _get_part(self, name: str) -> Part:
-        return self._product.parts[self._product.index(name)]
+        return self._product.part(name)
 
     def _solid(self, name: str, upright: Upright) -> manifold3d.Manifold:
         """Return a part in the world, in a pose of the product."""

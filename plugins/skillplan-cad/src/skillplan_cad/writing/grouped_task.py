@@ -386,7 +386,7 @@ class _Merger:
         self._whole, self._own = whole, own
         self._key = whole.names[name]
         self._members = list_brought(own.skills)
-        part = joined.product.parts[joined.product.index(name)]
+        part = joined.product.part(name)
         self._part, self._station = part, np.asarray(own.upright.bottom(part))
         self._nest = None if own.nest is None else _rename_nest(own.nest, self._name_nest())
 
@@ -486,7 +486,7 @@ class _Merger:
                 places[feeder or key] = (float(place[0]), float(place[1]))
         for name, key in self._own.names.items():
             entry = self._own.document["parts"].get(key) or self._own.document["screws"][key]
-            part = self._product.parts[self._product.index(name)]
+            part = self._product.part(name)
             x, y, z = (float(value) for value in upright.size(part))
             items.append(Item(entry.get("feeder") or key, (x, y, z)))
         items = list({item.name: item for item in items}.values())

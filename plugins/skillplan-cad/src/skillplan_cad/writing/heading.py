@@ -47,7 +47,7 @@ def _list_level(
     for name in bearing.order:
         number = relation.index(name)
         if name not in bearing.turned and not can_come_down(relation, name, before, bearing.up):
-            part = product.parts[product.index(name)]
+            part = product.part(name)
             ways = [
                 _negate(relation.directions[direction])
                 for direction, blockers in relation.blocker_sets[number]
@@ -62,7 +62,7 @@ def _list_level(
         fastener = relation.fastener(name)
         is_turned = name in bearing.turned
         if fastener and not is_turned and abs(np.dot(fastener.axis, bearing.up)) < _LEVEL:
-            yield product.parts[product.index(name)], _negate(fastener.axis)
+            yield product.part(name), _negate(fastener.axis)
 
 
 def _count_reached(

@@ -834,4 +834,4 @@ class PartHolds:
         return self._order[: self._order.index(name)] if name in self._order else ()
 
     def _get_part(self, name: str) -> Part:
-        return self._product.parts[self._product.index(name)]
+        return self._product.part(name)

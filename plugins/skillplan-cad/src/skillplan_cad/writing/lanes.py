@@ -296,7 +296,7 @@ class Lanes:
                 moves.append((fastener.part, -np.asarray(own.vector(fastener.axis))))
         for other, along in moves:
             if frozenset((name, other)) not in self._threads:
-                yield self._product.parts[self._product.index(other)], along
+                yield self._product.part(other), along
 
     def _list_corners(self, part: Part) -> tuple[Points, bool]:
         """Return the corners of a part's triangles, in the product's frame [mm]; and if convex.

@@ -253,7 +253,7 @@ class PieceProof:
         return ProvedPieces(pieces_of, tuple(sorted(self._fine)), self._wrong, fits_of)
 
     def _get_part(self, name: str) -> Part:
-        return self._product.parts[self._product.index(name)]
+        return self._product.part(name)
 
 
 class Cuts:

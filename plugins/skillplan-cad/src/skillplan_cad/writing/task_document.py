@@ -897,7 +897,7 @@ def find_socketed(product: Product, relation: Relation, name: str) -> Socketed |
             assert nut is not None
             # The bore of a nut is drawn without its thread, which counts on a rod.
             thread_m = nut.diameter_m if bolt is None else bolt.diameter_m
-            part = product.parts[product.index(name)]
+            part = product.part(name)
             flats_m = _measure_flats_m(part, nut.axis)
             around_m = math.sqrt(3) * float(nut.list_radii_m(part.vertices_m).max())
             if abs(around_m / flats_m - 1) <= _HEXAGON - 1:
@@ -938,7 +938,7 @@ def list_undriven(
             reasons[name] = LeftOut(name, "no grasp", words)
     for name in sorted(names, key=relation.index):
         screw = relation.fastener(name)
-        vertices_m = product.parts[product.index(name)].vertices_m
+        vertices_m = product.part(name).vertices_m
         if screw is not None and screw.is_headless(vertices_m):
             reasons[name] = LeftOut(
                 name,
@@ -1687,7 +1687,7 @@ class TaskWriter:
         return {"head_diameter_m": diameter_m, **keys}
 
     def _get_part(self, name: str) -> Part:
-        return self.product.parts[self.product.index(name)]
+        return self.product.part(name)
 
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
