@@ -17,14 +17,17 @@ from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeEdge,
     BRepBuilderAPI_MakeFace,
     BRepBuilderAPI_MakePolygon,
+    BRepBuilderAPI_MakeSolid,
+    BRepBuilderAPI_Sewing,
 )
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeRevol
-from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt
+from OCP.Geom import Geom_SphericalSurface
+from OCP.gp import gp_Ax1, gp_Ax3, gp_Dir, gp_Pnt
 from OCP.Interface import Interface_Static
 from OCP.StdFail import StdFail_NotDone
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS_Compound
+from OCP.TopoDS import TopoDS, TopoDS_Compound
 
 from skillplan.errors import OptionError
 from skillplan_cad import RawPart, ReadOptions, find_joints, mend, read_product
@@ -118,10 +121,32 @@ def test_a_face_that_is_not_meshed_as_drawn_is_meshed_from_another_parametrisati
 
     whole = read(tmp_path, with_plate("pin", pin), turn)
     Interface_Static.SetIVal_s("write.surfacecurve.mode", 1)
-    pin = whole.parts[whole.index("pin")]
+    pin = whole.part("pin")
     assert pin.volume_m3 == pytest.approx(exact * MM3, rel=1e-6)
     assert pin.closure == "closed"
     assert any("pin: a face that was not meshed as drawn" in note for note in whole.notes)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_face_of_a_sphere_that_folds_back_onto_its_neighbours_is_trimmed_anew(tmp_path, mirrored):
+    """OCCT takes the rest of a sphere for a face with a border along the seam."""
+    surface = Geom_SphericalSurface(gp_Ax3(gp_Pnt(20, 20, 20), gp_Dir(0, 0, 1)), 20)
+    if mirrored:
+        surface.UReverse()
+    turn, top = 2 * np.pi / 3, np.pi / 2
+    spans = (0, turn), (turn, 2 * turn), (0, 2 * turn)
+    sewing = BRepBuilderAPI_Sewing(1e-5)
+    for number, (begin, end) in enumerate(spans):
+        face = BRepBuilderAPI_MakeFace(surface, begin, end, -top, top, 1e-6).Face()
+        # The rest of the third face, which is on top of both others.
+        sewing.Add(face.Reversed() if number == 2 else face)
+    sewing.Perform()
+    ball = BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(sewing.SewedShape())).Solid()
+    whole = read(tmp_path, with_plate("ball", ball))
+    exact_mm3 = 4 / 3 * np.pi * 20**3
+    assert whole.part("ball").volume_m3 == pytest.approx(exact_mm3 * MM3, rel=1e-5)
+    assert whole.part("ball").closure == "closed"
+    assert any("ball: a face of a sphere was read as the rest" in note for note in whole.notes)
 
 
 @pytest.mark.parametrize(("short_mm", "closure"), [(0.0, "closed"), (0.02, "mended")])

@@ -10,6 +10,7 @@ import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
+from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -29,10 +30,14 @@ from OCP.BRepBuilderAPI import (
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepLib import BRepLib
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools_ReShape
+from OCP.Geom import Geom_SphericalSurface
 from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.gp import gp_Ax3, gp_Dir
 from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.IMeshTools import IMeshTools_Parameters
+from OCP.ShapeFix import ShapeFix_Face
 from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideAngle, ShapeUpgrade_ShapeDivideClosed
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPConstruct import STEPConstruct_ExternRefs
@@ -43,7 +48,7 @@ from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face, TopoDS_Wire
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
@@ -75,9 +80,23 @@ MOST_PATH = 10_000
 _ALONG, _MOST_EDGES = 9, 600
 # Relative error of the integral of a volume.
 _INTEGRAL_ERROR = 1e-3
+# Distance of points that are one [mm], relative difference of areas that are, and axes of a sphere
+# with its seam that drawings rarely have.
+_SAME_MM, _SAME_AREA = 1e-3, 0.01
+_SEAMS = (
+    ((0.3, 0.5, 0.81), (1.0, 0.1, 0.2)),
+    ((0.62, -0.48, 0.3), (0.2, 0.1, -1.0)),
+    ((-0.4, 0.33, 0.8), (1.0, 0.1, 0.2)),
+    ((0.8, -0.3, 0.4), (0.2, 0.1, -1.0)),
+    ((0.1, 0.9, -0.3), (1.0, 0.1, 0.2)),
+    ((0.3, 0.5, 0.81), (-1.0, -0.1, -0.2)),
+    ((0.62, -0.48, 0.3), (-0.2, -0.1, 1.0)),
+    ((-0.4, 0.33, 0.8), (-1.0, -0.1, -0.2)),
+)
 _NAME = TDataStd_Name.GetID_s()
-_EDGE, _FACE, _SHELL, _SOLID = (
+_EDGE, _WIRE, _FACE, _SHELL, _SOLID = (
     TopAbs_ShapeEnum.TopAbs_EDGE,
+    TopAbs_ShapeEnum.TopAbs_WIRE,
     TopAbs_ShapeEnum.TopAbs_FACE,
     TopAbs_ShapeEnum.TopAbs_SHELL,
     TopAbs_ShapeEnum.TopAbs_SOLID,
@@ -302,6 +321,7 @@ def build_shape(name: str, shape: Any, chord_mm: float) -> Mended | str:
     """
     if shape is None or shape.IsNull():
         return "is empty"
+    shape, words = _trim_folded_spheres(shape)
     _mesh(shape, chord_mm)
     solids = list(_explore(shape, _SOLID))
     loose = [*_explore(shape, _SHELL, _SOLID), *_explore(shape, _FACE, _SHELL)]
@@ -313,7 +333,7 @@ def build_shape(name: str, shape: Any, chord_mm: float) -> Mended | str:
     if not bodies:
         curves = any(True for _ in _explore(shape, _EDGE))
         return "holds only curves" if curves else "is empty"
-    notes: list[str] = []
+    notes = [f"{name}: {words}"] if words else []
     if loose:
         skins = _build_skin(name, loose, chord_mm)
         bodies += [skin for skin in skins if not skin.open_edges]
@@ -368,6 +388,90 @@ def _build_solid(name: str, solid: Any, chord_mm: float) -> Mended:
         mended = replace(mended, notes=(note, *mended.notes))
     # Integrals over NURBS are less exact than those over the surfaces as drawn.
     return _measure(mended, used if words == _SEWN else solid, drawn, chord_mm)
+
+
+def _trim_folded_spheres(shape: Any) -> tuple[Any, str]:
+    """Return a shape without folded faces of spheres, and a clause on those trimmed anew.
+
+    If the border of a face runs along the seam of its sphere, OCCT may take the rest of the sphere
+    for it. Then it and its neighbour on the sphere face opposite sides.
+    """
+    spheres: list[tuple[Any, Any, bool]] = []
+    for item in _explore(shape, _FACE):
+        face = TopoDS.Face_s(item)
+        surface = BRepAdaptor_Surface(face, False)
+        if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Sphere:
+            sphere = surface.Sphere()
+            turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+            spheres.append((face, sphere, turned == sphere.Direct()))
+    folded: dict[Any, tuple[Any, bool]] = {}
+    for (face, sphere, is_hollow), (other, its, is_other_hollow) in combinations(spheres, 2):
+        off_mm = sphere.Location().Distance(its.Location()) + abs(sphere.Radius() - its.Radius())
+        if is_hollow != is_other_hollow and off_mm < _SAME_MM and _share_edge(face, other):
+            larger = max(face, other, key=_measure_area_mm2)
+            folded[larger] = sphere, is_hollow if larger is face else is_other_hollow
+    context, count = BRepTools_ReShape(), 0
+    for face, (sphere, is_hollow) in folded.items():
+        rest = _trim_rest(face, sphere, is_hollow=not is_hollow)
+        if rest is not None:
+            context.Replace(face, rest)
+            count += 1
+    if not count:
+        return shape, ""
+    trimmed = context.Apply(shape)
+    solids = [TopoDS.Solid_s(solid) for solid in _explore(trimmed, _SOLID)]
+    for solid in solids:
+        BRepLib.OrientClosedSolid_s(solid)
+    loose = [*_explore(trimmed, _SHELL, _SOLID), *_explore(trimmed, _FACE, _SHELL)]
+    faces = "a face of a sphere was" if count == 1 else f"{count} faces of spheres were"
+    words = f"{faces} read as the rest of the sphere, on top of others, and trimmed anew"
+    return _make_compound([*solids, *loose]), words
+
+
+def _share_edge(face: Any, other: Any) -> bool:
+    edges = list(_explore(face, _EDGE))
+    return any(own.IsSame(edge) for own in _explore(other, _EDGE) for edge in edges)
+
+
+def _trim_rest(face: Any, sphere: Any, *, is_hollow: bool) -> Any:
+    """Return the rest of a sphere beside a face, facing the other side; None if that fails.
+
+    Parameters
+    ----------
+    is_hollow
+        True if the rest faces the centre.
+    """
+    rest_mm2 = 4 * math.pi * sphere.Radius() ** 2 - _measure_area_mm2(face)
+    tolerance_mm, builder = BRep_Tool.Tolerance_s(face), BRep_Builder()
+    for axis, beside in _SEAMS:
+        frame = gp_Ax3(sphere.Location(), gp_Dir(*axis), gp_Dir(*beside))
+        again, edges = TopoDS_Face(), 0
+        builder.MakeFace(again, Geom_SphericalSurface(frame, sphere.Radius()), tolerance_mm)
+        for wire in _explore(face, _WIRE):
+            border = TopoDS_Wire()
+            builder.MakeWire(border)
+            for edge in _explore(wire, _EDGE):
+                if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)):
+                    builder.Add(border, edge)
+                    edges += 1
+            border.Closed(True)
+            # In the shell, edges keep their sense.
+            builder.Add(again, border.Reversed() if is_hollow else border)
+        fix = ShapeFix_Face(again)
+        # It would take the larger side of the border for the face.
+        fix.FixOrientationMode = 0
+        fix.Perform()
+        rest = fix.Result()
+        is_whole = sum(1 for _ in _explore(rest, _EDGE)) == edges
+        if is_whole and math.isclose(_measure_area_mm2(rest), rest_mm2, rel_tol=_SAME_AREA):
+            return rest.Reversed() if is_hollow else rest
+    return None
+
+
+def _measure_area_mm2(face: Any) -> float:
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(face, properties)
+    return float(properties.Mass())
 
 
 def _keep_surfaces(faces: Sequence[Face], solid: Any) -> tuple[Face, ...]:
@@ -586,6 +690,12 @@ def _sew(shape: Any, tolerance_mm: float) -> Any:
 
 def _make_solid(shell: Any) -> Any:
     solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(shell)).Solid()
+    BRepLib.OrientClosedSolid_s(solid)
+    return solid
+
+
+def _orient(item: Any) -> Any:
+    solid = TopoDS.Solid_s(item)
     BRepLib.OrientClosedSolid_s(solid)
     return solid
 
