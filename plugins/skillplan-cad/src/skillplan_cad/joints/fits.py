@@ -21,6 +21,7 @@ from skillplan_cad.joints.turned_shape import describe_turned_shape
 from skillplan_cad.product import Face, Part, Points, Product, Vector, make_solid
 from skillplan_cad.reading.surface_fit import fit_faces
 from skillplan_cad.relation import Contact, Fastener, Fit, FitKind
+from skillplan_cad.swept_space import list_corners, sweep_faces, unite
 
 # Largest diameter of each step [mm]; fundamental deviation zc and tolerance IT6 of shafts [um].
 _STEPS_MM = (
@@ -60,9 +61,8 @@ _HALVINGS = 6
 _CORNERS = 48
 # Smallest depth that is no rounding error, in metres and in radii.
 _NOISE_M, _NOISE = 1e-6, 1e-4
-# Smallest cosine between the way of a part and the normal of a face that it meets, and places on
-# its way at which overlaps are compared.
-_AHEAD, _SHARES = 1e-6, (0.1, 0.25, 0.5)
+# Places on the way of a part at which overlaps are compared.
+_SHARES = (0.1, 0.25, 0.5)
 # Volume below which a body is a film that a cut leaves [mm3].
 _FILM_MM3 = 1e-6
 
@@ -454,30 +454,11 @@ def _cut_away(part: Part, other: Part, directions: Sequence[Vector]) -> Part:
         for way in ways
     ]
     if ways:
-        mate += _sweep_past(mate, solid, ways[int(np.argmin(np.round(met_mm3, 6)))])
+        along = np.asarray(directions[int(np.argmin(np.round(met_mm3, 6)))])
+        room = np.reshape(solid.bounding_box(), (1, 2, 3))
+        swept = sweep_faces(list_corners(mate), along, 0.0, room, is_convex=False)
+        mate += unite(swept)
     rest = solid - mate
     if rest.is_empty() or rest.volume() < 0.5 * solid.volume():
         return part
     return _replace_solid(part, rest, np.eye(3), np.zeros(3))
-
-
-def _sweep_past(mate: Any, solid: Any, way: Points) -> Any:
-    """Return the space that a mate takes, seen from a solid that moves out along a way [mm].
-
-    Faces of the mate that point against the way are extruded backwards along it.
-    """
-    import manifold3d
-
-    low, high = np.reshape(solid.bounding_box(), (2, 3))
-    ends = np.array([low, high, low + way, high + way])
-    box = manifold3d.Manifold.cube(tuple(np.ptp(ends, axis=0).tolist()))
-    near = mate ^ box.translate(tuple(ends.min(axis=0).tolist()))
-    mesh = near.to_mesh64()
-    points = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
-    corners = points[np.asarray(mesh.tri_verts, dtype=np.int64)]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths_mm = np.linalg.norm(across, axis=1) * np.linalg.norm(way)
-    is_met = -across @ way > _AHEAD * lengths_mm
-    prisms = np.concatenate([corners[is_met], corners[is_met] - way], axis=1)
-    swept = list(map(manifold3d.Manifold.hull_points, prisms))
-    return manifold3d.Manifold.batch_boolean([near, *swept], manifold3d.OpType.Add)

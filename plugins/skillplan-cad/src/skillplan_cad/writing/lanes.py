@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from skillplan_cad.product import Part, Points, Product, Triangles, make_solid
 from skillplan_cad.relation import Fastener, Relation
+from skillplan_cad.swept_space import list_corners, sweep_faces, unite
 from skillplan_cad.writing.upright import Upright
 
 PRESSED_GAP_M = 5e-5
@@ -38,10 +39,6 @@ _TO_MM = 1e3
 # Share of a clearance that pieces may fill, and the widest clearance that is kept free [m].
 _CLEARANCE_SHARE, _WIDEST_M = 0.2, 3e-4
 _ROUNDED_M = 1e-9
-# Smallest cosine between the move and the normal of a face that points ahead.
-_AHEAD = 1e-6
-# Smallest cosine of a face that is square to the move.
-_SQUARE = 1 - 1e-9
 # Thickness above which a gap may be a recess of a wall [mm]. It is in the way of a part if it
 # reaches through the widest clearance, or farther through a narrow one: such a part gets play.
 _RECESS_MM, _FURTHER = 0.3, 2.5
@@ -53,8 +50,6 @@ _FILM_MM = 1e-3
 # Number of triangles up to which a mesh is swept, and the tolerances to which others are simplified
 # [mm]; their hull is swept if that does not suffice.
 _MANY_FACES, _TOLERANCES_MM = 6000, (0.01, 0.05, 0.2)
-# Number of swept faces in a union.
-_MOST_AT_ONCE = 500
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,11 +243,11 @@ class Lanes:
             for boxes in jaws
         ]
         # Engines let jaws pass where the mesh does.
-        held, pressed = (_simplify(_unite(spaces) ^ concave) for spaces in near)
+        held, pressed = (_simplify(unite(spaces) ^ concave) for spaces in near)
         allowed_m = _CLEARANCE_SHARE * PLAY_M
         lane = Lane(manifold3d.Manifold(), 0.0, allowed_m, held, pressed=pressed)
         for clearance_m in sorted(sweeps):
-            space = _simplify(_unite([lane.solid, *sweeps[clearance_m]]) ^ concave)
+            space = _simplify(unite([lane.solid, *sweeps[clearance_m]]) ^ concave)
             narrower = None if lane.solid.is_empty() else lane
             lane = replace(lane, solid=space, clearance_m=clearance_m, narrower=narrower)
         volume_mm3 = lane.solid.volume() + held.volume() + pressed.volume()
@@ -279,8 +274,8 @@ class Lanes:
             shift = (own.offset_m - np.array(own.bottom(part))) * _TO_MM
             corners, is_convex = self._list_corners(other)
             moved = corners @ own.matrix.T + shift
-            swept = _sweep_faces(moved, along, clearance_m * _TO_MM, rooms, is_convex=is_convex)
-            sweep = _unite(swept).simplify(_FILM_MM).as_original()
+            swept = sweep_faces(moved, along, clearance_m * _TO_MM, rooms, is_convex=is_convex)
+            sweep = unite(swept).simplify(_FILM_MM).as_original()
             met = sweep ^ concave
             if met.volume() < _LEAST_MM3:
                 sweep = met = manifold3d.Manifold()
@@ -315,10 +310,7 @@ class Lanes:
                 solid = solid.simplify(tolerance_mm)
         hull = solid.hull()
         is_convex = solid.num_tri() > _MANY_FACES or hull.volume() - solid.volume() < _LEAST_MM3
-        mesh64 = (hull if is_convex else solid).to_mesh64()
-        points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
-        corners = points[np.asarray(mesh64.tri_verts, dtype=np.int64)]
-        self._corners[part.name] = corners, is_convex
+        self._corners[part.name] = list_corners(hull if is_convex else solid), is_convex
         return self._corners[part.name]
 
 
@@ -334,16 +326,6 @@ def _build_head(part: Part, fastener: Fastener) -> manifold3d.Manifold:
     return manifold3d.Manifold.hull_points(np.concatenate(ends) * _TO_MM)
 
 
-def _unite(solids: Sequence[manifold3d.Manifold]) -> manifold3d.Manifold:
-    """Return the union of solids, which is made at once: no alarm ends a long one."""
-    whole = manifold3d.Manifold()
-    for first in range(0, len(solids), _MOST_AT_ONCE):
-        some = solids[first : first + _MOST_AT_ONCE]
-        whole += manifold3d.Manifold.batch_boolean(some, manifold3d.OpType.Add)
-        whole.num_tri()
-    return whole
-
-
 def _simplify(solid: manifold3d.Manifold) -> manifold3d.Manifold:
     """Return a solid without bodies and details that are thinner than a film.
 
@@ -351,71 +333,3 @@ def _simplify(solid: manifold3d.Manifold) -> manifold3d.Manifold:
     """
     bodies = [body for body in solid.decompose() if measure_thickness(body) > _FILM_MM]
     return manifold3d.Manifold.compose(bodies).simplify(_FILM_MM).as_original()
-
-
-def _sweep_faces(
-    corners: Points, along: Floats, clearance_mm: float, rooms: Floats, *, is_convex: bool
-) -> list[manifold3d.Manifold]:
-    """Return the space near boxes through which the faces ahead of a moved mesh come.
-
-    Parameters
-    ----------
-    corners
-        Corners of triangles, shape (n, 3, 3) [mm].
-    rooms
-        Lowest and highest corner of each box, shape (boxes, 2, 3) [mm].
-    is_convex
-        True if the mesh is, so that its sweep is one hull.
-    """
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(across, axis=1)
-    ahead = across @ along
-    corners, is_square = corners[ahead > _AHEAD * lengths], ahead > _SQUARE * lengths
-    is_square = is_square[ahead > _AHEAD * lengths]
-    low, high = rooms[:, 0].min(axis=0), rooms[:, 1].max(axis=0)
-    box = np.stack(np.meshgrid(*np.stack([low, high], axis=1)), axis=-1).reshape(-1, 3)
-    length = float((corners @ along).max(initial=-np.inf) - (box @ along).min())
-    if length <= 0:
-        return []
-    side = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    side /= np.linalg.norm(side)
-    frame = np.stack([side, np.cross(along, side), along])
-    around = clearance_mm * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-    offsets = np.concatenate([around @ frame[:2]] * 2)
-    offsets[4:] -= along * length
-    prisms = (corners[:, :, None] + offsets).reshape(1 if is_convex else len(corners), -1, 3)
-    lows, highs = prisms.min(axis=1), prisms.max(axis=1)
-    is_near = np.zeros(len(prisms), dtype=bool)
-    for low, high in rooms:
-        is_near |= (lows < high).all(axis=1) & (highs > low).all(axis=1)
-    if is_convex:
-        return [manifold3d.Manifold.hull_points(points) for points in prisms[is_near]]
-    slanted, square = prisms[is_near & ~is_square], corners[is_near & is_square]
-    return [
-        *map(manifold3d.Manifold.hull_points, slanted),
-        *_sweep_square(square @ frame.T, around, length, frame),
-    ]
-
-
-def _sweep_square(
-    corners: Points, around: Floats, length: float, frame: Floats
-) -> Iterator[manifold3d.Manifold]:
-    """Yield the sweeps of faces square to their move, one for each height.
-
-    Parameters
-    ----------
-    corners
-        Corners of triangles along the axes of the frame [mm].
-    around
-        Offsets of the corners across the move [mm].
-    frame
-        Two directions across the move, and the move.
-    """
-    heights = np.round(corners[:, 0, 2], 6)
-    for height in np.unique(heights).tolist():
-        outlines = (corners[heights == height, :, None, :2] + around).reshape(-1, 12, 2)
-        section = manifold3d.CrossSection.batch_boolean(
-            list(map(manifold3d.CrossSection.hull_points, outlines)), manifold3d.OpType.Add
-        )
-        shift = frame[2] * (height - length)
-        yield section.extrude(length).transform(np.column_stack([*frame, shift]))
