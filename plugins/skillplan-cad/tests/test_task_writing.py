@@ -893,6 +893,16 @@ def test_the_arm_is_the_default_one_or_the_smallest_that_carries_and_reaches_mos
     assert arms == ["ur30", "crx10ia"]
 
 
+def test_a_longer_arm_brings_parts_that_are_out_of_reach_above_other_parts():
+    mast = {"plate": box(0, 0, 0, 200, 100, 40), "mast": box(40, 40, 40, 60, 60, 440)}
+    known = relate(product_of(mast))
+    short, longer = (cad.build_task(*known, longer=arm) for arm in (None, "ur10e"))
+    assert short.left_out["mast"].kind == "unreachable"
+    assert "out of reach at robot.safe_height_m" in short.left_out["mast"].text
+    assert longer.document["robot"]["model"] == "ur10e"
+    assert longer.names.keys() == mast.keys()
+
+
 def weigh(part, mass_kg):
     """Return a part of that mass."""
     return replace(part, name="heavy", density_kg_m3=mass_kg / part.volume_m3)

@@ -23,7 +23,7 @@ from skillplan_cad.planning.bearing import (
 from skillplan_cad.planning.turns import add_turns, list_placed
 from skillplan_cad.planning.watch import Watch
 from skillplan_cad.product import Product
-from skillplan_cad.relation import LeftOut, Relation
+from skillplan_cad.relation import LeftOut, Reason, Relation
 from skillplan_cad.writing.heading import choose_heading
 from skillplan_cad.writing.held_part import KnownHolds, PartHolds
 from skillplan_cad.writing.pieces_proof import Cuts, PieceProof, ProvedPieces
@@ -44,8 +44,8 @@ _MOST_ORIENTATIONS, _ENOUGH = 1, 0.8
 _STOPPED_SHARES = 0.97, 1.05
 # Reasons of parts that may be brought in another orientation.
 _RETRIED = ("no grasp", "unreachable", "no order")
-# Words of a place that the arm does not reach.
-_FAR = ", which reaches "
+# Words of a place that the arm does not reach, and those with which `check` begins about it.
+_FAR, _FAR_OFF = ", which reaches ", "out of reach"
 # Cosine of two directions that are one.
 _ALONG = 0.999
 
@@ -691,8 +691,8 @@ class _TaskBuilder:
         for task_name, words in trial.refusals.items():
             if task_name:
                 name = names[task_name]
-                words = f"is refused: {words.removesuffix('.')}"
-                reasons[name] = LeftOut(name, "refused", words)
+                kind: Reason = "unreachable" if words.startswith(_FAR_OFF) else "refused"
+                reasons[name] = LeftOut(name, kind, f"is refused: {words.removesuffix('.')}")
         is_hurried = trials.is_hurried
         for task_name, failure in trial.failures.items():
             name = names[task_name]
