@@ -443,6 +443,40 @@ def test_a_cup_lifts_no_more_than_its_area_does():
     assert heavy.find_cup_place(0.032) == pytest.approx((0.0, 0.0))
 
 
+def test_a_needle_picks_up_a_washer_of_m2_next_to_its_hole():
+    """Beside the hole of its washer; a longer pin of the same width would peel off at its end."""
+    washer = finder_of(rod(0, 0, 0, 2.5, 0.3) - rod(0, 0, -1, 1.1, 3))
+    x, y = washer.find_cup_place(0.0008)
+    assert 1.6 <= 1e3 * math.hypot(x, y) <= 2.0
+    assert washer.find_cup_place(0.0025) is None
+    plate = box(0, 0, 0, 20, 20, 2)
+    assert finder_of(plate).find_cup_place(0.0025) == pytest.approx((0.0, 0.0))
+    assert finder_of(plate - box(5, 5, -1, 15, 15, 9)).find_cup_place(0.0025) is None
+
+
+@pytest.mark.slow(reason="imports a product of two parts")
+def test_a_ring_at_the_bottom_of_a_bore_that_leaves_fingers_no_room_is_brought_by_a_needle(
+    capsys, tmp_path
+):
+    """Neither tips nor the narrow cup reach it: 0.2 mm around it, and a face 1.3 mm wide."""
+    solids = {
+        "block": box(-20, -20, 0, 20, 20, 12) - rod(0, 0, 8, 2.7, 9),
+        "ring": rod(0, 0, 8, 2.5, 0.5) - rod(0, 0, 7, 1.2, 3),
+    }
+    (tmp_path / "product").mkdir()
+    for name, solid in solids.items():
+        mesh = solid.to_mesh()
+        trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts).export(
+            tmp_path / "product" / f"{name}.stl"
+        )
+    out = tmp_path / "out"
+    options = ["--unit", "mm", "--up", "z", "--out", str(out), "--no-cache"]
+    assert run(["import-cad", str(tmp_path / "product"), *options]) == 0, capsys.readouterr().err
+    task = yaml.safe_load((out / "product.yaml").read_text("utf-8"))
+    assert task["parts"]["ring"]["tool"] == "vacuum_needle"
+    assert task["tools"]["vacuum_needle"]["cup_diameter_m"] == 0.0008
+
+
 @pytest.mark.slow
 def test_of_two_walls_that_leave_no_room_for_fingers_one_is_in_no_order():
     """Each can be placed alone; beside the other a finger does not fit, and their ends slope."""

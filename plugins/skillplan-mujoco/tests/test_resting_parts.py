@@ -6,8 +6,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import skillplan_simulation as simulation
 from situations import assembly
 from skillplan.pipeline import load_problem
 from skillplan.task import Pose, Task
@@ -219,3 +221,38 @@ def test_a_released_part_sinks_less_than_a_tenth_of_a_millimetre_into_what_it_la
         heights_m.append(world.pose("post").position[2])
     assert -0.0001 < min(heights_m) < 0.0
     assert heights_m[-1] == pytest.approx(0.0, abs=5e-5)
+
+
+def test_a_thin_part_lies_still_on_one_that_gives_way_by_hundredths_of_a_millimetre():
+    """Two sheets of nine pieces: in a step of 1/240 s the upper one falls by 0.17 mm."""
+    pitch_m = 0.005 / 3
+    middles_m = [(number - 1) * pitch_m for number in range(3)]
+
+    def sheet(thick_m: float, z_m: float) -> dict[str, Any]:
+        boxes = [
+            {"size_m": [pitch_m, pitch_m, thick_m], "centre_m": [x, y, thick_m / 2]}
+            for x in middles_m
+            for y in middles_m
+        ]
+        places = {"start_m": [0.4, 0.1 * z_m], "goal_m": [0.502, 0.2, z_m]}
+        return {"boxes": boxes, "mass_kg": 4e-5, **places}
+
+    block = {"size_m": [0.012, 0.008, 0.003], "mass_kg": 0.002, "start_m": [0.4, -0.2]}
+    sheets = {"low": sheet(0.0003, 0.003), "high": sheet(0.0005, 0.0033)}
+    task = task_of({"plate": {**block, "goal_m": [0.5, 0.2]}, **sheets})
+    settings = ExecutionSettings()
+    (robot,) = task.scene.robots
+    world, arm = MujocoSimulator(task, settings).cell(get_hand(robot))
+    arm.stand(np.array(arm.kinematics.home_rad), 0.04)
+    for name in ("plate", "low", "high"):
+        goal = task.skill(f"place({name})").motion.routes[0].visits[-1].pose
+        world.add(task.scene.body(name), goal)
+    at_work = simulation.ControlledRobot(world, arm, task.scene, settings, robot.tools[0])
+    at_work.wait(0.5)
+    before = world.pose("high").position
+    for _ in range(10):
+        for name in ("plate", "low"):
+            x_m, y_m, z_m = world.pose(name).position
+            world.put(name, Pose((x_m, y_m, z_m - 2e-5)))
+        at_work.wait(0.1)
+    assert math.dist(world.pose("high").position, before) < 1e-4

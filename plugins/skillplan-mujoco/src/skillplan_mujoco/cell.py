@@ -10,7 +10,7 @@ import numpy as np
 
 from skillplan.robots.arm_description import Hand
 from skillplan_mujoco.cell_model import compute_hand_masses, parse_hand_number
-from skillplan_simulation.simulator import FINGERS, HAND, ROBOT
+from skillplan_simulation.simulator import FINGERS, GRAVITY_M_PER_S2, HAND, ROBOT, STEP_S
 
 # Fields of a model that worlds change: contact masks, bonds and masses.
 _CHANGED = (
@@ -35,6 +35,10 @@ _CHANGED = (
 # Mass below which contacts of a body are as stiff as with it [kg]. MuJoCo's contacts yield by force
 # over mass: jaws of 27 N would sink 14 mm into a gram.
 _STIFF_KG = 0.05
+
+# Thickness of a body into whose middle another one falls, if both lose their contacts for a step
+# [m]. MuJoCo then pushes them aside rather than up.
+_THIN_M = 4 * GRAVITY_M_PER_S2 * STEP_S**2
 
 # Change of the solver's cost at which it ends, a mass times squared acceleration [kg m2/s4]. MuJoCo
 # compares with its tolerance times the mean inertia of a model and its degrees of freedom: with an
@@ -76,6 +80,15 @@ class Cell:
         # Owner of every geometry; hand and fingers have names of their own.
         known = self.owners | handling
         self.labels: list[str] = [known[body] for body in model.geom_bodyid.tolist()]
+        # Thin bodies that move, by the numbers of their trees.
+        self.thin = [
+            int(model.body_treeid[number])
+            for number in self.ids.values()
+            if number not in self._arm
+            and model.body_treeid[number] >= 0
+            and model.body_bvhnum[number]
+            and 2 * model.bvh_aabb[model.body_bvhadr[number], 3:].min() < _THIN_M
+        ]
         weld = mujoco.mjtEq.mjEQ_WELD
         self.bonds = [number for number in range(model.neq) if model.eq_type[number] == weld]
 

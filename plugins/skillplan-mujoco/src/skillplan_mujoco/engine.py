@@ -73,7 +73,7 @@ class MujocoEngine(PerformingEngine):
     """
 
     name = "mujoco"
-    version = "19"
+    version = "20"
     expected_s = 0.3
 
     class Options(SimulatingEngine.Options):

@@ -320,7 +320,7 @@ class SimulatedArm(Arm):
     def actuate(self) -> None:
         """Set torques and jaw forces for the next step."""
         # Servos of joints do not yield. A part that has sunk into many pieces is pushed aside.
-        is_fine = self.yields and self.settings.control == "osc"
+        is_fine = (self.yields and self.settings.control == "osc") or self.world.moves_thin()
         is_landing = self.world.has_falling()
         count = _LANDING_STEPS if is_landing else _FINE_STEPS if is_fine else 1
         self.world.divide(count, stiff=is_landing)

@@ -349,6 +349,11 @@ class World(simulator.World):
             self._landing = _LANDING_STEPS
         return bool(self._landing)
 
+    def moves_thin(self) -> bool:
+        """Return whether a thin body moves, or may, which no skill handles."""
+        asleep = self.data.tree_asleep
+        return any(asleep[tree] < 0 and tree not in self._moving for tree in self.cell.thin)
+
     def _is_one_fast(self) -> bool:
         model, data = self.model, self.data
         for name in self._handled:

@@ -83,7 +83,7 @@ class ToolConfig(Strict):
         "half its width, and how far behind its face it begins and ends [m]; convex between; left "
         "out: that of the arm's hand",
     )
-    cup_diameter_m: Annotated[float, Field(ge=1e-3, le=0.2)] | None = Field(
+    cup_diameter_m: Annotated[float, Field(ge=5e-4, le=0.2)] | None = Field(
         None,
         exclude_if=is_absent,
         description=f"diameter of a suction cup [m]; one narrower than {STANDARD_CUP_M:g} m has a "

@@ -33,14 +33,17 @@ from skillplan_cad.writing.upright import place_turned, place_upright
 GRIPPER, TIPS, LONG_TIPS = "gripper", "finger_tips", "long_finger_tips"
 CUP, SMALL_CUP, LARGE_CUP = "suction_cup", "small_suction_cup", "large_suction_cup"
 WIDE_CUP, HEAVY_CUP = "wide_suction_cup", "heavy_suction_cup"
+NARROW_CUP, NEEDLE = "narrow_suction_cup", "vacuum_needle"
 CUPS_M: Mapping[str, float] = {
     CUP: 0.016,
     SMALL_CUP: 0.006,
     LARGE_CUP: 0.032,
     WIDE_CUP: 0.05,
     HEAVY_CUP: 0.07,
+    NARROW_CUP: 0.0025,
+    NEEDLE: 0.0008,
 }
-"""Diameters of the suction cups [m]."""
+"""Diameters of the suction cups [m]; a needle of gauge 21 picks up chips and small washers."""
 
 GRIPPERS: Mapping[str, float | None] = {
     "robotiq_2f85": 5.0,
@@ -369,6 +372,8 @@ def _search_holds(
         by_tips += finder.find_inner_grasps(tips, (DOWN,))
         if by_tips:
             yield _hold(tool, sorted(by_tips, key=lambda grasp: grasp.cost))
+    for cup in (NARROW_CUP, NEEDLE):
+        yield from _hold_by_cup(finder, cup)
     sides = finder.list_sides()
     beside = finder.find_jaw_grasps(hand, sides, sunk_m, walls_m=walls_m)
     if beside:

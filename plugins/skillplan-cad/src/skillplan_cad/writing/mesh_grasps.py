@@ -65,11 +65,14 @@ _ALONG, _WORTH = 0.999, 0.02
 # depth behind the outermost point as a share of the extent.
 _TURNS, _SMALL, _OUTER = 0.985, 0.002, 0.1
 _ALMOST = 1e-6
-# Unevenness of a face below a cup, and width of the face around it [m].
-_EVEN_M, _RIM_M = 1e-4, 5e-4
+# Unevenness of a face below a cup, and width of the face around it [m], at most a share of its
+# diameter; pixels are as wide, or wider for a large part.
+_EVEN_M, _RIM_M, _RIM_SHARE = 1e-4, 5e-4, 1 / 12
 _MOST_PIXELS, _BELOW_M = 400, -1e3
 # Pressure below a cup, and factor of safety on its force.
 _VACUUM_PA, _CUP_SAFETY = 6e4, 1.5
+# Least diameter of a cup that follows a part which hangs at one side of it [m].
+_LEAST_BELLOWS_M = 0.006
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +131,11 @@ class GraspFinder:
         low, high = self._local[:, :2].min(axis=0), self._local[:, :2].max(axis=0)
         if float((high - low).min()) < diameter_m:
             return None
-        if self._mass_kg * GRAVITY_M_PER_S2 > compute_cup_force_n(diameter_m) / _CUP_SAFETY:
+        bears = compute_cup_force_n(diameter_m) / _CUP_SAFETY / self._mass_kg / GRAVITY_M_PER_S2
+        if bears < 1:
             return None
-        pitch_m = max(_FINEST_M, float((high - low).max()) / _MOST_PIXELS)
+        rim_m = min(_RIM_M, _RIM_SHARE * diameter_m)
+        pitch_m = max(rim_m, float((high - low).max()) / _MOST_PIXELS)
         # The frame of the picture is outside the part.
         xs, ys = (np.arange(low[k] - pitch_m / 2, high[k] + pitch_m, pitch_m) for k in (0, 1))
         plan = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -142,11 +147,14 @@ class GraspFinder:
         shank = 2 * int(np.ceil((max(SHANK_DIAMETER_M, diameter_m) / 2 + _RIM_M) / pitch_m)) + 1
         above_m = ndimage.maximum_filter(heights, shank) - heights
         below_shank_m = find_cup_height_m(diameter_m) - _RIM_M
-        fits = (to_edge_m >= diameter_m / 2 + _RIM_M) & (above_m <= below_shank_m)
+        fits = (to_edge_m >= diameter_m / 2 + rim_m) & (above_m <= below_shank_m)
+        distance = np.hypot(*(plan - self._centre_m[:2]).T).reshape(fits.shape)
+        if diameter_m < _LEAST_BELLOWS_M:
+            # Its lip peels off a part that hangs at one side of it.
+            fits &= diameter_m / 2 + distance <= bears * diameter_m / 2
         if not fits.any():
             return None
         # A high face first, because a cup in a pocket is close to walls.
-        distance = np.hypot(*(plan - self._centre_m[:2]).T).reshape(fits.shape)
         cost = np.where(fits, distance + (float(self._local[:, 2].max()) - heights), np.inf)
         best = plan[int(np.argmin(cost))]
         centre = self._centre_m[:2]

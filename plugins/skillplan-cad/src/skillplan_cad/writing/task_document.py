@@ -53,6 +53,8 @@ from skillplan_cad.writing.held_part import (
     LARGE_CUP,
     LARGE_REACH_M,
     LONG_TIPS,
+    NARROW_CUP,
+    NEEDLE,
     PROFILES_M,
     SMALL_CUP,
     SOCKETS,
@@ -144,7 +146,7 @@ FURTHER_HOLDERS: tuple[Place, ...] = (
     *((-0.26, 0.62), (-0.02, 0.62), (0.22, 0.62), (0.46, 0.62)),
     *((0.20, -0.50), (0.28, -0.50), (0.36, -0.50)),
     *((0.12, -0.50), (0.04, -0.50), (-0.04, -0.50)),
-    (-0.12, -0.50),
+    *((-0.12, -0.50), (-0.20, -0.50), (-0.28, -0.50)),
 )
 # Least distance of a holder from an arm that reaches down that near [m].
 _LEAST_HOLDER_M = 0.5
@@ -404,7 +406,7 @@ _HOLDER_OF: Mapping[str, Place] = dict(
             *(GRIPPER, CUP, DRIVER, TIPS, SMALL_CUP, LARGE_CUP, WIDE_CUP, HEAVY_CUP, *SOCKETS),
             *GRIPPERS,
             *(f"{word}{name}" for word in EXTENSIONS[1:] for name in (DRIVER, *SOCKETS)),
-            LONG_TIPS,
+            *(LONG_TIPS, NARROW_CUP, NEEDLE),
         ),
         (*HOLDERS, *FURTHER_HOLDERS),
         strict=True,
