@@ -994,6 +994,25 @@ def test_a_light_base_that_is_pushed_sideways_stands_in_a_nest(tmp_path, capsys)
     assert (late.nest, late.why_no_nest) == (None, "none was cut in the time")
 
 
+@pytest.mark.slow(reason="swept tries tasks")
+@pytest.mark.parametrize(("nesting", "is_driven"), [(True, True), (False, False)])
+def test_supports_hold_a_product_higher_if_the_driver_meets_the_table(nesting, is_driven):
+    """Supports hold two rollers beneath the base; a screw goes in level, 15 mm above the table."""
+    screw = (rod(0, 0, 0, 2, 16) + rod(0, 0, -4, 4, 4)).rotate((-90, 0, 0))
+    roller = rod(0, 0, 0, 15, 80).rotate((-90, 0, 0))
+    rollers = {"left": roller - screw, "right": roller.translate((60, 0, 0))}
+    base = box(-15, 5, 15, 75, 75, 30)
+    product = product_of({**rollers, "base": base, "M4 screw": screw})
+    known = related(product)
+    bearing = cad.find_bearing(product, known, UP, holding=True)
+    plan = cad.Planner(product, known).plan(None, bearing.up, ["base"])
+    task = cad.build_task(product, known, plan, bearing=bearing, holding=True, nesting=nesting)
+    assert ("M4 screw" in task.names) == is_driven, task.left_out
+    assert "left" in task.names
+    if is_driven:
+        assert task.document["parts"]["left"]["goal_m"][2] == pytest.approx(0.06)
+
+
 @pytest.mark.slow(reason="simulates; 12 landings of a nut")
 def test_an_eccentric_nut_that_is_let_go_over_a_round_hole_keeps_its_angle(tmp_path):
     """Seams between pieces of both parts meet as it lands, 0.3 mm lower."""

@@ -130,6 +130,11 @@ class NestChoice:
         nest, self.why_none = self._cut[key]
         return nest
 
+    @property
+    def raise_m(self) -> float:
+        """Height by which the product stands higher than usual [m]."""
+        return self._raise_m
+
     def retreat(self, words: str) -> None:
         """Take a shallow nest, or else none.
 

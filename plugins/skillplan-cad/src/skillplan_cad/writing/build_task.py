@@ -582,6 +582,10 @@ class _TaskBuilder:
             standing = [name for name, coming in comings.items() if coming.stands]
             base = standing[0] if len(standing) == 1 else ""
         if base not in comings:
+            grounded = {name for name, on in self._bearing.on.items() if not on}
+            if grounded <= {*self._bearing.held}:
+                # Nothing stands on the table: supports hold the product at any height.
+                writer.lift(nests.raise_m)
             return
         is_fixed, coming = base in self._holds.fixed, comings.pop(base)
         others = tuple(comings.values())

@@ -1198,6 +1198,11 @@ class TaskWriter:
         x, y, _ = (float(value) for value in self.upright.offset_m)
         self.upright = replace(self.upright, offset_m=np.array([x, y, -nest.origin_m[2]]))
 
+    def lift(self, raise_m: float) -> None:
+        """Hold the product higher above the table [m]."""
+        x, y, z = (float(value) for value in self.upright.offset_m)
+        self.upright = replace(self.upright, offset_m=np.array([x, y, z + raise_m]))
+
     def write(self, proof: PieceProof) -> WrittenTask:
         """Return the written task; its pieces lack parts that a request to stop came before."""
         files: dict[str, str] = {}
