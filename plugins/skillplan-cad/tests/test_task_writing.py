@@ -444,7 +444,7 @@ def test_a_cup_lifts_no_more_than_its_area_does():
 
 
 def test_a_needle_picks_up_a_washer_of_m2_next_to_its_hole():
-    """Beside the hole of its washer; a longer pin of the same width would peel off at its end."""
+    """The needle stands between hole and rim. A wider cup has no room there, or would peel off."""
     washer = finder_of(rod(0, 0, 0, 2.5, 0.3) - rod(0, 0, -1, 1.1, 3))
     x, y = washer.find_cup_place(0.0008)
     assert 1.6 <= 1e3 * math.hypot(x, y) <= 2.0

@@ -185,6 +185,13 @@ def make_solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
     )
 
 
+def read_solid(solid: manifold3d.Manifold) -> tuple[Points, Triangles]:
+    """Return the points [mm] and triangles of a solid."""
+    mesh64 = solid.to_mesh64()
+    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
+    return points, np.asarray(mesh64.tri_verts, dtype=np.int64)
+
+
 def has_proper_edges(vertices_m: Points, triangles: Triangles) -> bool:
     """Return whether each edge lies between two faces once corners are rounded as in a file."""
     _, corner = np.unique(np.round(vertices_m, _FILE_DECIMALS), axis=0, return_inverse=True)
@@ -232,6 +239,5 @@ def split_bodies(vertices_m: Points, triangles: Triangles) -> list[tuple[Points,
 
 
 def _build_mesh(solid: manifold3d.Manifold) -> tuple[Points, Triangles]:
-    mesh64 = solid.to_mesh64()
-    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3] / 1e3
-    return points, np.asarray(mesh64.tri_verts, dtype=np.int64)
+    points, triangles = read_solid(solid)
+    return points / 1e3, triangles

@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.product import Points
+from skillplan_cad.product import Points, read_solid
 
 Floats = NDArray[np.float64]
 
@@ -22,9 +22,8 @@ _MOST_AT_ONCE = 500
 
 def list_corners(solid: manifold3d.Manifold) -> Points:
     """Return the corners of a solid's triangles, shape (n, 3, 3) [mm]."""
-    mesh64 = solid.to_mesh64()
-    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
-    return np.asarray(points[np.asarray(mesh64.tri_verts, dtype=np.int64)])
+    points, triangles = read_solid(solid)
+    return np.asarray(points[triangles])
 
 
 def unite(solids: Sequence[manifold3d.Manifold]) -> manifold3d.Manifold:

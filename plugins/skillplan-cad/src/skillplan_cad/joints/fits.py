@@ -18,7 +18,7 @@ from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
 from skillplan_cad.joints.fastener_names import is_gear_name, is_seal_name
 from skillplan_cad.joints.turned_shape import describe_turned_shape
-from skillplan_cad.product import Face, Part, Points, Product, Vector, make_solid
+from skillplan_cad.product import Face, Part, Points, Product, Vector, make_solid, read_solid
 from skillplan_cad.reading.surface_fit import fit_faces
 from skillplan_cad.relation import Contact, Fastener, Fit, FitKind
 from skillplan_cad.swept_space import list_corners, sweep_faces, unite
@@ -396,10 +396,9 @@ def _replace_solid(part: Part, solid: Any, frame: Points, origin_m: Points) -> P
     """Return a part with the shape of a solid in millimetres, without films that a cut leaves."""
     bodies = solid.decompose()
     whole = [body for body in bodies if abs(body.volume()) >= _FILM_MM3]
-    meshes = [body.to_mesh64() for body in (whole if len(whole) < len(bodies) else [solid])]
-    points = [np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3] for mesh in meshes]
+    kept = whole if len(whole) < len(bodies) else [solid]
+    points, corners = zip(*map(read_solid, kept), strict=True)
     starts = np.cumsum([0, *(len(own) for own in points[:-1])])
-    corners = [np.asarray(mesh.tri_verts, dtype=np.int64) for mesh in meshes]
     vertices = np.concatenate(points) / 1000 @ frame + origin_m
     triangles = np.concatenate([own + start for own, start in zip(corners, starts, strict=True)])
     faces = fit_faces(vertices, triangles)
@@ -447,7 +446,8 @@ def _cut_away(part: Part, other: Part, directions: Sequence[Vector]) -> Part:
         which they overlap least.
     """
     solid, mate = (make_solid(item.vertices_m, item.triangles) for item in (part, other))
-    sizes_mm = np.ptp(np.reshape(solid.bounding_box(), (2, 3)), axis=0)
+    room = np.reshape(solid.bounding_box(), (1, 2, 3))
+    sizes_mm = np.ptp(room[0], axis=0)
     ways = [float(sizes_mm @ np.abs(vector)) * np.asarray(vector) for vector in directions]
     met_mm3 = [
         sum(float((solid.translate((share * way).tolist()) ^ mate).volume()) for share in _SHARES)
@@ -455,9 +455,7 @@ def _cut_away(part: Part, other: Part, directions: Sequence[Vector]) -> Part:
     ]
     if ways:
         along = np.asarray(directions[int(np.argmin(np.round(met_mm3, 6)))])
-        room = np.reshape(solid.bounding_box(), (1, 2, 3))
-        swept = sweep_faces(list_corners(mate), along, 0.0, room, is_convex=False)
-        mate += unite(swept)
+        mate += unite(sweep_faces(list_corners(mate), along, 0.0, room, is_convex=False))
     rest = solid - mate
     if rest.is_empty() or rest.volume() < 0.5 * solid.volume():
         return part

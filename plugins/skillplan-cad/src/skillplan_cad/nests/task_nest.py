@@ -73,12 +73,14 @@ class NestChoice:
     ----------
     why_none
         Why a base that needs a nest has none, as a clause; empty otherwise.
+    raise_m
+        Height by which the product stands higher than usual [m].
     """
 
     def __init__(self, relation: Relation, up: Vector, heading: int = 0) -> None:
         self._relation, self._up, self._heading = relation, up, heading
         self._is_shallow = self._is_over = False
-        self._raise_m, self._failed = 0.0, -1
+        self.raise_m, self._failed = 0.0, -1
         # With why there is none, as a clause.
         self._cut: dict[tuple[str, bool, float], tuple[TaskNest | None, str]] = {}
         self.why_none = ""
@@ -107,10 +109,10 @@ class NestChoice:
         """
         if self._is_over:
             return None
-        key = (base.part.name, self._is_shallow, self._raise_m)
+        key = (base.part.name, self._is_shallow, self.raise_m)
         if key not in self._cut:
             reason = "stands so low that the arm meets the table beside it"
-            if not self._raise_m:
+            if not self.raise_m:
                 pushed = explain_need(base.part, others, self._relation, self._up)
                 reason = "" if pushed is None or is_fixed else pushed
             self._cut[key] = None, _NO_TIME if reason else ""
@@ -123,17 +125,12 @@ class NestChoice:
                     others,
                     self._up,
                     is_shallow=self._is_shallow,
-                    raise_m=self._raise_m,
+                    raise_m=self.raise_m,
                     heading=self._heading,
                 )
                 self._cut[key] = attempt(cut, _SHARE) or self._cut[key]
         nest, self.why_none = self._cut[key]
         return nest
-
-    @property
-    def raise_m(self) -> float:
-        """Height by which the product stands higher than usual [m]."""
-        return self._raise_m
 
     def retreat(self, words: str) -> None:
         """Take a shallow nest, or else none.
@@ -159,13 +156,13 @@ class NestChoice:
         if self._is_over:
             return False
         if self._failed < 0 and is_low:
-            self._raise_m, self._failed = _RAISE_M, failed
+            self.raise_m, self._failed = _RAISE_M, failed
             return True
-        if self._raise_m and self._failed > 0:
+        if self.raise_m and self._failed > 0:
             helps = failed < self._failed
             self._failed = 0
             if not helps:
-                self._raise_m = 0.0
+                self.raise_m = 0.0
                 return True
         return False
 

@@ -324,7 +324,7 @@ def build_shape(name: str, shape: Any, chord_mm: float) -> Mended | str:
     shape, words = _trim_folded_spheres(shape)
     _mesh(shape, chord_mm)
     solids = list(_explore(shape, _SOLID))
-    loose = [*_explore(shape, _SHELL, _SOLID), *_explore(shape, _FACE, _SHELL)]
+    loose = _list_loose(shape)
     bodies = [_build_solid(name, solid, chord_mm) for solid in solids]
     bodies = [body for body in bodies if len(body.part.triangles)]
     if not bodies and loose:
@@ -344,6 +344,11 @@ def build_shape(name: str, shape: Any, chord_mm: float) -> Mended | str:
         ]
     whole = join(name, bodies)
     return replace(whole, notes=(*whole.notes, *notes))
+
+
+def _list_loose(shape: Any) -> list[Any]:
+    """Return the shells and faces outside of solids."""
+    return [*_explore(shape, _SHELL, _SOLID), *_explore(shape, _FACE, _SHELL)]
 
 
 def _describe_size(mended: Mended) -> str:
@@ -406,8 +411,10 @@ def _trim_folded_spheres(shape: Any) -> tuple[Any, str]:
             spheres.append((face, sphere, turned == sphere.Direct()))
     folded: dict[Any, tuple[Any, bool]] = {}
     for (face, sphere, is_hollow), (other, its, is_other_hollow) in combinations(spheres, 2):
+        if is_hollow == is_other_hollow:
+            continue
         off_mm = sphere.Location().Distance(its.Location()) + abs(sphere.Radius() - its.Radius())
-        if is_hollow != is_other_hollow and off_mm < _SAME_MM and _share_edge(face, other):
+        if off_mm < _SAME_MM and _share_edge(face, other):
             larger = max(face, other, key=_measure_area_mm2)
             folded[larger] = sphere, is_hollow if larger is face else is_other_hollow
     context, count = BRepTools_ReShape(), 0
@@ -422,10 +429,9 @@ def _trim_folded_spheres(shape: Any) -> tuple[Any, str]:
     solids = [TopoDS.Solid_s(solid) for solid in _explore(trimmed, _SOLID)]
     for solid in solids:
         BRepLib.OrientClosedSolid_s(solid)
-    loose = [*_explore(trimmed, _SHELL, _SOLID), *_explore(trimmed, _FACE, _SHELL)]
     faces = "a face of a sphere was" if count == 1 else f"{count} faces of spheres were"
     words = f"{faces} read as the rest of the sphere, on top of others, and trimmed anew"
-    return _make_compound([*solids, *loose]), words
+    return _make_compound([*solids, *_list_loose(trimmed)]), words
 
 
 def _share_edge(face: Any, other: Any) -> bool:
@@ -434,7 +440,7 @@ def _share_edge(face: Any, other: Any) -> bool:
 
 
 def _trim_rest(face: Any, sphere: Any, *, is_hollow: bool) -> Any:
-    """Return the rest of a sphere beside a face, facing the other side; None if that fails.
+    """Return the rest of the sphere of a face, turned over; None if OCCT cannot trim it.
 
     Parameters
     ----------
@@ -443,8 +449,8 @@ def _trim_rest(face: Any, sphere: Any, *, is_hollow: bool) -> Any:
     """
     rest_mm2 = 4 * math.pi * sphere.Radius() ** 2 - _measure_area_mm2(face)
     tolerance_mm, builder = BRep_Tool.Tolerance_s(face), BRep_Builder()
-    for axis, beside in _SEAMS:
-        frame = gp_Ax3(sphere.Location(), gp_Dir(*axis), gp_Dir(*beside))
+    for axis, seam in _SEAMS:
+        frame = gp_Ax3(sphere.Location(), gp_Dir(*axis), gp_Dir(*seam))
         again, edges = TopoDS_Face(), 0
         builder.MakeFace(again, Geom_SphericalSurface(frame, sphere.Radius()), tolerance_mm)
         for wire in _explore(face, _WIRE):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from skillplan.domains.assembly import MAX_PIECES
-from skillplan_cad.product import Points, Triangles, make_solid
+from skillplan_cad.product import Points, Triangles, make_solid, read_solid
 from skillplan_cad.writing.lanes import (
     PRESSED_GAP_M,
     Lane,
@@ -216,9 +216,8 @@ def build_mesh(hull: manifold3d.Manifold) -> Mesh | None:
 
 def _list_faces(solid: manifold3d.Manifold) -> tuple[Points, Points, Floats, Floats]:
     """Return points, and corners, unit normals and areas of the triangles [mm, mm2]."""
-    mesh64 = solid.to_mesh64()
-    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
-    corners = points[np.asarray(mesh64.tri_verts, dtype=np.int64)]
+    points, triangles = read_solid(solid)
+    corners = points[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(across, axis=1)
     return points, corners, across / np.maximum(lengths, 1e-30)[:, None], lengths / 2

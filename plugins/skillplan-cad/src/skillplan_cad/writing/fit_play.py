@@ -173,7 +173,7 @@ class FitPlay:
         shafts = {frozenset((inner, outer)): inner for inner, outer, _ in drawn[: len(fits)]}
         for pair, fit in fitted:
             if fit.kind != "sunk":
-                smaller = min(sorted(pair), key=lambda name: self._get_part(name).volume_m3)
+                smaller = min(sorted(pair), key=lambda name: self._product.part(name).volume_m3)
                 thinner = shafts.get(pair, smaller)
                 (other,) = pair - {thinner}
                 self.waists_m[thinner, other] = fit.depth_m
@@ -239,7 +239,7 @@ class FitPlay:
         corners = np.concatenate([points for pieces in meshes for points, _ in pieces]) * _TO_MM
         box = corners.min(axis=0), corners.max(axis=0)
         near = [
-            (self._get_part(other), others_along, self._measure_pair_m(part.name, other))
+            (self._product.part(other), others_along, self._measure_pair_m(part.name, other))
             for other, others_along in self._find_near(part, *box, along)
         ]
         there = tuple(
@@ -299,14 +299,11 @@ class FitPlay:
         pair = frozenset((name, other))
         return self.drawn_m.get(pair), self._overlaps_m.get(pair, 0.0)
 
-    def _get_part(self, name: str) -> Part:
-        return self._product.part(name)
-
     def _solid(self, name: str, upright: Upright) -> manifold3d.Manifold:
         """Return a part in the world, in a pose of the product."""
         key = (name, upright)
         if key not in self._solids:
-            part = self._get_part(name)
+            part = self._product.part(name)
             self._solids[key] = make_solid(upright.vertices(part), part.triangles)
         return self._solids[key]
 

@@ -558,7 +558,7 @@ class PartHolds:
         self._bearing = bearing
         if bearing.order and self._base not in bearing.order:
             grounded = [name for name in bearing.order if not bearing.on[name]]
-            self._base = max(grounded, key=lambda name: self._get_part(name).mass_kg)
+            self._base = max(grounded, key=lambda name: self._product.part(name).mass_kg)
         unheld: dict[str, LeftOut] = {}
         for name in bearing.order:
             if name in self.fixed and not self._rests(name):
@@ -567,7 +567,7 @@ class PartHolds:
                 continue
             if name in self._chosen or name in self.fixed:
                 continue
-            part = self._get_part(name)
+            part = self._product.part(name)
             words = self._describe_load(part, self._hand.mass_kg, "its hand")
             if words is not None:
                 if not self._fix(name, words):
@@ -587,7 +587,7 @@ class PartHolds:
         """Return the loads of an arm, parts with their chosen tools."""
         loads = {}
         for name, held in self._chosen.items():
-            part = self._get_part(name)
+            part = self._product.part(name)
             height_m = float(self._upright.of(name).size(part)[2])
             tips_m = [
                 grasp["at_m"][2] if "approach" in grasp else height_m - grasp.get("depth_m", 0.0)
@@ -622,8 +622,8 @@ class PartHolds:
         if failure is not None and (failure.is_blocked or failure.falls):
             return False
         if name not in self._choices:
-            self._choices[name] = self._list_holds(self._get_part(name))
-        part = self._get_part(name)
+            self._choices[name] = self._list_holds(self._product.part(name))
+        part = self._product.part(name)
         for held in self._choices[name]:
             if self._is_futile(name, held):
                 continue
@@ -672,7 +672,7 @@ class PartHolds:
         """Return a part that no tool holds or brings, with the nearest remedy; fix the base."""
         failure = self._failures.get(name)
         if failure is None:
-            return self._give_up_unheld(self._get_part(name))
+            return self._give_up_unheld(self._product.part(name))
         words = f"cannot be brought, whatever tool holds it: {failure.text}"
         if name in self._relation.driven:
             words = f"cannot be driven: {failure.text}"
@@ -742,14 +742,14 @@ class PartHolds:
         return self._find_low_m(name) < min(low_m) + _GROUND_M
 
     def _find_low_m(self, name: str) -> float:
-        return float(self._upright.of(name).bottom(self._get_part(name))[2])
+        return float(self._upright.of(name).bottom(self._product.part(name))[2])
 
     def _is_frame(self, name: str) -> bool:
         """Return whether a part is heavy, and others need it."""
         whole_kg = sum(part.mass_kg for part in self._product)
         joins = {join for fastener in self._relation.fasteners for join in fastener.joins}
         needed = joins.union(*self._on.values())
-        is_heavy = self._get_part(name).mass_kg >= _FRAME_SHARE * whole_kg
+        is_heavy = self._product.part(name).mass_kg >= _FRAME_SHARE * whole_kg
         return is_heavy and name in needed
 
     def _list_holds(self, part: Part) -> Iterator[Held]:
@@ -799,7 +799,7 @@ class PartHolds:
                 points = np.stack(np.meshgrid(place, along), axis=-1).reshape(-1, 2)
                 sides.append(points if axis == 0 else points[:, ::-1])
         rims_m = np.full((4, len(beside)), -np.inf)
-        for other in map(self._get_part, self._list_before(part.name)):
+        for other in map(self._product.part, self._list_before(part.name)):
             there = upright.vertices(other)
             near = (there[:, :2].min(axis=0) < high + beside[-1]).all()
             if not near or not (there[:, :2].max(axis=0) > low - beside[-1]).all():
@@ -837,6 +837,3 @@ class PartHolds:
 
     def _list_before(self, name: str) -> tuple[str, ...]:
         return self._order[: self._order.index(name)] if name in self._order else ()
-
-    def _get_part(self, name: str) -> Part:
-        return self._product.part(name)

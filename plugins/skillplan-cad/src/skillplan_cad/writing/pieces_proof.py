@@ -220,12 +220,12 @@ class PieceProof:
     ) -> tuple[Pieces, ...] | None:
         """Return the pieces of a part, or None if the share of the time is over before."""
         return self._watch.attempt(
-            lambda: self._cutter.pieces(self._get_part(name), meshes, allowed_m), _CUTTING_SHARE
+            lambda: self._cutter.pieces(self._product.part(name), meshes, allowed_m), _CUTTING_SHARE
         )
 
     def _loosen(self, name: str, pieces: tuple[Pieces, ...]) -> None:
         """Keep the pieces of a part with play beside the parts that are in place before."""
-        part, self._pieces[name] = self._get_part(name), pieces
+        part, self._pieces[name] = self._product.part(name), pieces
         self._loosened[name] = self._play.loosen(part, pieces)
 
     def _test(self, names: Collection[str]) -> None:
@@ -251,9 +251,6 @@ class PieceProof:
         }
         pieces_of = {name: own.pieces for name, own in self._loosened.items()}
         return ProvedPieces(pieces_of, tuple(sorted(self._fine)), self._wrong, fits_of)
-
-    def _get_part(self, name: str) -> Part:
-        return self._product.part(name)
 
 
 class Cuts:

@@ -1231,7 +1231,7 @@ class TaskWriter:
             if name in self.raised_m:
                 self._note(name, f"{_RAISED} {self.raised_m[name]:g} m above the table")
             elif alike[feeder] == 1 and not stands_alone(
-                self._get_part(name), self.upright.of(name)
+                self.product.part(name), self.upright.of(name)
             ):
                 self._note(name, _PRESENTED)
         for name in self.names:
@@ -1584,14 +1584,14 @@ class TaskWriter:
         lies = [
             join
             for join in fastener.joins
-            if self._get_driven(self._get_part(join)) is None
+            if self._get_driven(self.product.part(join)) is None
             and not (fastener.kind == "nut" and join in fastener.threaded_in)
         ]
         missing = [join for join in fastener.joins if join not in self.names]
         if missing:
             self._note(part.name, f"is put in without {' and '.join(missing)}")
         seat = lies[0] if lies else fastener.joins[0]
-        through, beneath = self.names[seat], self._get_part(seat)
+        through, beneath = self.names[seat], self.product.part(seat)
         entry, hover_m = build_screw_entry(part, fastener, self.relation, self.upright, beneath)
         if hover_m:
             self._note(
@@ -1692,9 +1692,6 @@ class TaskWriter:
         diameter_m = round(nut.flats_m * 2 / math.sqrt(3), 7)
         keys = {**nut.thread_entry, "head": "nut", "into": self.names[nut.bolt]}
         return {"head_diameter_m": diameter_m, **keys}
-
-    def _get_part(self, name: str) -> Part:
-        return self.product.part(name)
 
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
