@@ -286,6 +286,22 @@ def test_a_part_that_goes_in_early_does_not_wait_for_a_turn_to_save_a_support():
     assert bearing.held == ("body", "lid", "cap")
 
 
+def test_a_screw_is_not_left_out_for_want_of_a_part_that_comes_after_a_turn():
+    """The body has no opening as long as the screw above its head."""
+    body = box(0, 0, 0, 60, 60, 60) - box(6, 6, -1, 54, 54, 6) - rod(30, 30, 5, 2.2, 26)
+    body -= box(20, -1, 30, 40, 61, 45)
+    cover = box(6.3, 6.3, 2, 53.7, 53.7, 6) - rod(30, 30, 1, 2, 6)
+    screw = rod(30, 30, 30, 3.5, 3) + rod(30, 30, 3, 2, 27)
+    product = product_of(body=body, cover=cover, screw_1=screw)
+    known = related(product)
+    late = {"cover": LeftOut("cover", "no grasp", "comes after a turn")}
+    alone = find_bearing(product, known, UP, late, holding=True)
+    assert "cover, which is left out" in alone.undriven["screw_1"].text
+    bearing = add_turns(product, known, alone, later=late)
+    assert "cover" in bearing.turned
+    assert bearing.undriven["screw_1"].kind == "from below"
+
+
 def test_a_product_that_comes_from_above_is_not_turned():
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     alone = borne(product)

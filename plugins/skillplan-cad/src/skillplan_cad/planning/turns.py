@@ -7,7 +7,7 @@ next orientation all of that stands firm, and further parts come from above agai
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence, Set
 from functools import partial
 
 from skillplan_cad.planning.bearing import (
@@ -221,12 +221,23 @@ def _turn(
         bearing.up,
         (*bearing.order, *more.order),
         {**bearing.on, **more.on},
-        {name: why for name, why in bearing.why_not.items() if name not in turned},
-        {name: why for name, why in bearing.undriven.items() if name not in turned},
+        _renew(bearing.why_not, more.why_not, {*placed, *turned}),
+        _renew(bearing.undriven, more.undriven, {*placed, *turned}),
         (*held, *more.held),
         {**bearing.turned, **turned},
         bearing.between,
     )
+
+
+def _renew(
+    reasons: Mapping[str, LeftOut], newer: Mapping[str, LeftOut], there: Set[str]
+) -> dict[str, LeftOut]:
+    """Return the reasons why parts are not there: newer ones if what they need is there now."""
+    return {
+        name: newer.get(name, why) if why.kind == "follows" and there >= {*why.by} else why
+        for name, why in reasons.items()
+        if name not in there
+    }
 
 
 def _choose_base(product: Product, bearing: Bearing, base: str | None) -> str | None:
