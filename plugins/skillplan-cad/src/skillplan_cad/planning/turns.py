@@ -232,12 +232,16 @@ def _turn(
 def _renew(
     reasons: Mapping[str, LeftOut], newer: Mapping[str, LeftOut], there: Set[str]
 ) -> dict[str, LeftOut]:
-    """Return the reasons why parts are not there: newer ones if what they need is there now."""
-    return {
-        name: newer.get(name, why) if why.kind == "follows" and there >= {*why.by} else why
+    """Return the reasons why parts are not there.
+
+    Newer ones hold for parts that wait for a turn in vain, and if what they need is there now.
+    """
+    lasting = {
+        name: why
         for name, why in reasons.items()
-        if name not in there
+        if why.kind != "follows" or not there >= {*why.by} or name not in newer
     }
+    return {name: why for name, why in {**newer, **lasting}.items() if name not in there}
 
 
 def _choose_base(product: Product, bearing: Bearing, base: str | None) -> str | None:
