@@ -777,17 +777,33 @@ class PartHolds:
             tried.append(held)
             if held != granted:
                 yield held
-        top_m, before = float(local[:, 2].max()), self._list_before(part.name)
+        before = self._list_before(part.name)
         # Another order may bring later whatever does not touch it.
-        touching = self._list_touching(part.name, before)
-        for others in dict.fromkeys((before, touching)):
-            rims_m = self._measure_rims_m(part, others) - bottom[2]
-            released = [held.release(rims_m, top_m) for held in tried]
-            if not any(released) and 0 < rims_m[:, 0].min() <= top_m:
-                # The usual grasps of a part that is enclosed up to its top are deeper.
-                shallow = list_shallow_holds(part, local, centre, self._hand)
-                released = [held.release(rims_m, top_m) for held in shallow]
-            yield from (held for held in released if held is not None)
+        orders = before, self._list_touching(part.name, before)
+        released = [
+            held
+            for others in dict.fromkeys(orders)
+            for held in self._release(part, local, centre, tried, others)
+        ]
+        yield from (held for number, held in enumerate(released) if held not in released[:number])
+
+    def _release(
+        self,
+        part: Part,
+        local: Points,
+        centre_m: Floats,
+        holds: Sequence[Held],
+        others: Sequence[str],
+    ) -> list[Held]:
+        """Return the grasps of a part that slides to its goal between others; see `list_holds`."""
+        rims_m = self._measure_rims_m(part, others) - self._upright.of(part.name).bottom(part)[2]
+        top_m = float(local[:, 2].max())
+        released = [held.release(rims_m, top_m) for held in holds]
+        if not any(released) and 0 < rims_m[:, 0].min() <= top_m:
+            # The usual grasps of a part that is enclosed up to its top are deeper.
+            shallow = list_shallow_holds(part, local, centre_m, self._hand)
+            released = [held.release(rims_m, top_m) for held in shallow]
+        return [held for held in released if held is not None]
 
     def _measure_rims_m(self, part: Part, others: Sequence[str]) -> Floats:
         """Return the heights of other parts at `_BESIDE_M` from -x, x, -y and y of a part [m]."""
