@@ -777,36 +777,17 @@ class PartHolds:
             tried.append(held)
             if held != granted:
                 yield held
-        before = self._list_before(part.name)
-        # Another order may bring later whatever does not touch it.
-        orders = before, self._list_touching(part.name, before)
-        released = [
-            held
-            for others in dict.fromkeys(orders)
-            for held in self._release(part, local, centre, tried, others)
-        ]
-        yield from (held for number, held in enumerate(released) if held not in released[:number])
-
-    def _release(
-        self,
-        part: Part,
-        local: Points,
-        centre_m: Floats,
-        holds: Sequence[Held],
-        others: Sequence[str],
-    ) -> list[Held]:
-        """Return the grasps of a part that slides to its goal between others; see `list_holds`."""
-        rims_m = self._measure_rims_m(part, others) - self._upright.of(part.name).bottom(part)[2]
+        rims_m = self._measure_rims_m(part) - bottom[2]
         top_m = float(local[:, 2].max())
-        released = [held.release(rims_m, top_m) for held in holds]
+        released = [held.release(rims_m, top_m) for held in tried]
         if not any(released) and 0 < rims_m[:, 0].min() <= top_m:
             # The usual grasps of a part that is enclosed up to its top are deeper.
-            shallow = list_shallow_holds(part, local, centre_m, self._hand)
+            shallow = list_shallow_holds(part, local, centre, self._hand)
             released = [held.release(rims_m, top_m) for held in shallow]
-        return [held for held in released if held is not None]
+        yield from (held for held in released if held is not None)
 
-    def _measure_rims_m(self, part: Part, others: Sequence[str]) -> Floats:
-        """Return the heights of other parts at `_BESIDE_M` from -x, x, -y and y of a part [m]."""
+    def _measure_rims_m(self, part: Part) -> Floats:
+        """Return the heights of earlier parts at `_BESIDE_M` from -x, x, -y and y of a part [m]."""
         upright = self._upright.of(part.name)
         own = upright.vertices(part)[:, :2]
         low, high = own.min(axis=0), own.max(axis=0)
@@ -818,7 +799,7 @@ class PartHolds:
                 points = np.stack(np.meshgrid(place, along), axis=-1).reshape(-1, 2)
                 sides.append(points if axis == 0 else points[:, ::-1])
         rims_m = np.full((4, len(beside)), -np.inf)
-        for other in map(self._product.part, others):
+        for other in map(self._product.part, self._list_before(part.name)):
             there = upright.vertices(other)
             near = (there[:, :2].min(axis=0) < high + beside[-1]).all()
             if not near or not (there[:, :2].max(axis=0) > low - beside[-1]).all():
@@ -830,11 +811,12 @@ class PartHolds:
 
     def _list_enclosed(self, part: Part) -> Points:
         """Return the points at which earlier parts touch a part at its goal [m]."""
-        upright, before = self._upright.of(part.name), {*self._list_before(part.name)}
+        upright = self._upright.of(part.name)
         points = [
             upright.point(point)
             for contact in self._relation.contacts
-            if part.name in contact.parts and not before.isdisjoint(contact.parts)
+            if part.name in contact.parts
+            and any(other in self._list_before(part.name) for other in contact.parts)
             for point in contact.points_m
         ]
         return np.array(points).reshape(-1, 3)
@@ -855,9 +837,3 @@ class PartHolds:
 
     def _list_before(self, name: str) -> tuple[str, ...]:
         return self._order[: self._order.index(name)] if name in self._order else ()
-
-    def _list_touching(self, name: str, others: Sequence[str]) -> tuple[str, ...]:
-        """Return the parts among others that touch a part."""
-        pairs = (contact.parts for contact in self._relation.contacts if name in contact.parts)
-        touched = {other for pair in pairs for other in pair}
-        return tuple(other for other in others if other in touched)
