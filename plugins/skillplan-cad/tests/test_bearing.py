@@ -266,7 +266,7 @@ def test_a_part_that_would_shut_out_a_screw_after_a_turn_waits_for_it():
 
 
 def test_a_part_that_waits_for_a_turn_in_vain_has_a_reason():
-    """Its bracket does: without it, the key goes in first, and shuts out the bracket."""
+    """If the bracket alone waits, the key goes in before it and shuts it out, so both wait."""
     bracket = box(-25, 10, -8, -20, 20, 6) + box(-25, 10, -8, 22, 20, -3.1)
     bracket += box(22, 10, -12, 38, 20, 0) - box(24, 11.5, -10, 36, 18.5, -5)
     bracket -= box(27, 13, -6, 33, 17, 1)
@@ -305,7 +305,7 @@ def test_a_part_that_goes_in_early_does_not_wait_for_a_turn_to_save_a_support():
     assert bearing.held == ("body", "lid", "cap")
 
 
-def test_a_screw_is_not_left_out_for_want_of_a_part_that_comes_after_a_turn():
+def test_the_reason_after_a_turn_names_no_part_that_comes_in_then():
     """The body has no opening as long as the screw above its head."""
     body = box(0, 0, 0, 60, 60, 60) - box(6, 6, -1, 54, 54, 6) - rod(30, 30, 5, 2.2, 26)
     body -= box(20, -1, 30, 40, 61, 45)

@@ -350,7 +350,7 @@ class World(simulator.World):
         return bool(self._landing)
 
     def moves_thin(self) -> bool:
-        """Return whether a thin body that no skill handles is awake."""
+        """Return whether a thin body is awake while no skill handles it."""
         asleep = self.data.tree_asleep
         return any(asleep[tree] < 0 and tree not in self._moving for tree in self.cell.thin)
 

@@ -232,16 +232,17 @@ def _turn(
 def _renew(
     reasons: Mapping[str, LeftOut], newer: Mapping[str, LeftOut], there: Set[str]
 ) -> dict[str, LeftOut]:
-    """Return the reasons why parts are not there.
+    """Return the reasons why parts are not there, given those before and after a turn.
 
-    Newer ones hold for parts that wait for a turn in vain, and if what they need is there now.
+    The earlier ones last, unless they name only parts that are there now.
     """
     lasting = {
         name: why
         for name, why in reasons.items()
-        if why.kind != "follows" or not there >= {*why.by} or name not in newer
+        if why.kind != "follows" or not there >= {*why.by}
     }
-    return {name: why for name, why in {**newer, **lasting}.items() if name not in there}
+    merged = {**reasons, **newer, **lasting}
+    return {name: why for name, why in merged.items() if name not in there}
 
 
 def _choose_base(product: Product, bearing: Bearing, base: str | None) -> str | None:
