@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import situations
 from example_count import examples
 from situations import fake_back_end, model_of
+from skillplan.domains.assembly import AssemblyDomain
 from skillplan.errors import NotASequencing
 from skillplan.model import SequencingProblem, replay
 from skillplan.pipeline import load_problem, make_solver
@@ -123,6 +124,44 @@ def test_orders_are_checked_if_the_precedence_takes_too_much_of_the_time():
     solution = solver.solve(model)
     assert solution.proved
     assert solution.plan.cost == pytest.approx(solve_by(board(), {}).plan.cost)
+
+
+class NoNode(Stop):
+    """A stop that ends a search with its first bound, and keeps the costs of its plans."""
+
+    def __init__(self):
+        super().__init__()
+        self.costs, self.has_bound = [], False
+
+    def __call__(self):
+        return self.has_bound or super().__call__()
+
+    def bound(self, lower_bound, nodes=None):
+        super().bound(lower_bound, nodes)
+        self.has_bound = True
+
+    def incumbent(self, plan):
+        super().incumbent(plan)
+        self.costs.append(plan.cost)
+
+
+def test_the_first_plan_is_improved_before_there_is_a_bound(tmp_path):
+    """Its conflicts, and those of better orders, lead local search to a plan near the optimum."""
+    path = tmp_path / "board.yaml"
+    options = {"parts": 16, "density": 0.2, "tools": 2, "seed": 1}
+    path.write_text(AssemblyDomain().generate(options))
+    task = load_problem(path).task
+    parts = [name for name in task.facts.names if name.startswith("placed(")]
+    rng, clauses = random.Random(1), {}
+    for part in parts:
+        needed, obstacle, _ = rng.sample([other for other in parts if other != part], 3)
+        clauses[f"pick({part[7:-1]})"] = [[(needed, False), (obstacle, True)]]
+    optimum = solve_by(task, clauses)
+    stop = NoNode()
+    make_solver("portfolio", {}, stop).solve(model_of(task, rule_by(task, clauses)))
+    assert optimum.proved
+    assert stop.costs[0] > 1.25 * optimum.plan.cost
+    assert stop.costs[-1] < 1.03 * optimum.plan.cost
 
 
 def test_one_of_two_supports_is_enough():

@@ -142,6 +142,11 @@ class OrderingSearch:
         """True if no order is cheaper than the best, or no order exists."""
         return self.bound >= self.instance.cutoff(self.cost)
 
+    @property
+    def is_relaxed(self) -> bool:
+        """True once the linear relaxation has its bound."""
+        return self.duals is not None
+
     def run(self) -> None:
         """Search until a proof or a stop; then end the processes."""
         try:
