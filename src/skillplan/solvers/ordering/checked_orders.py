@@ -270,7 +270,7 @@ class CheckedOrders:
     def _divert(
         self, refused: Mapping[Arc, frozenset[int]]
     ) -> tuple[SequencingProblem, dict[Arc, int]]:
-        """Return the problem without these paths, nor those that no plan takes.
+        """Return the problem without these paths, and without the paths that no plan takes.
 
         Raises
         ------
