@@ -95,8 +95,6 @@ class CheckedOrders:
         # Least bound of the nodes that are searched without a proof.
         self._unproved = math.inf
         self._method, self._expanded = "", 0
-        # True once an order of a node was a plan.
-        self._has_checked = False
 
     def run(self) -> Solution:
         """Search until a proof or a stop."""
@@ -165,8 +163,8 @@ class CheckedOrders:
         def must_stop() -> bool:
             if search.bound >= self._cutoff or self._stop():
                 return True
-            # Until an order is a plan, bounds matter less than what each order tells of all.
-            if not (search.is_relaxed or (not self._has_checked and node.bound > 0)):
+            # Without a plan, the conflicts of each order matter more than bounds.
+            if not (search.is_relaxed or (self._best is None and node.bound > 0)):
                 return False
             if unchecked:
                 conflicts[:] = self._check(problem, taken, orders.jobs(unchecked.pop()))
@@ -326,7 +324,6 @@ class CheckedOrders:
             self._note(conflict)
         cost = problem.cost(jobs)
         if not conflicts and cost < self._cost:
-            self._has_checked = True
             self._keep(Plan(problem.plan(jobs), cost))
         return conflicts
 
