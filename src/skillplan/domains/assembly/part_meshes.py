@@ -116,7 +116,7 @@ def list_pieces(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]
         lines.append(
             f"pieces     {name} moves as {count} convex piece{'' if count == 1 else 's'}, "
             f"{decomposition.outside_m * 1e3:.2f} mm outside its mesh and "
-            f"{decomposition.missing_m * 1e3:.2f} mm short of it"
+            f"{max(0.0, decomposition.missing_m) * 1e3:.2f} mm short of it"
         )
         entries.append(
             {
