@@ -145,17 +145,49 @@ class NoNode(Stop):
         self.costs.append(plan.cost)
 
 
-def test_the_first_plan_is_improved_before_there_is_a_bound(tmp_path):
-    """Its conflicts, and those of better orders, lead local search to a plan near the optimum."""
-    path = tmp_path / "board.yaml"
-    options = {"parts": 16, "density": 0.2, "tools": 2, "seed": 1}
+def obstructed_board(path, parts):
+    """Return a random board, and clauses: each part is refused after one part, before another."""
+    options = {"parts": parts, "density": 0.2, "tools": 2, "seed": 1}
     path.write_text(AssemblyDomain().generate(options))
     task = load_problem(path).task
-    parts = [name for name in task.facts.names if name.startswith("placed(")]
+    names = [name for name in task.facts.names if name.startswith("placed(")]
     rng, clauses = random.Random(1), {}
-    for part in parts:
-        needed, obstacle, _ = rng.sample([other for other in parts if other != part], 3)
-        clauses[f"pick({part[7:-1]})"] = [[(needed, False), (obstacle, True)]]
+    for name in names:
+        needed, obstacle, _ = rng.sample([other for other in names if other != name], 3)
+        clauses[f"pick({name[7:-1]})"] = [[(needed, False), (obstacle, True)]]
+    return task, clauses
+
+
+class StopAtPoll(Stop):
+    """A stop that ends a search when it is polled for the nth time."""
+
+    def __init__(self, number):
+        super().__init__()
+        self.left = number
+
+    def __call__(self):
+        self.left -= 1
+        return self.left <= 0 or super().__call__()
+
+
+def test_a_search_that_is_stopped_proves_nothing_wrong(tmp_path):
+    """Wherever it is stopped: an order that was not checked is no cheapest plan."""
+    task, clauses = obstructed_board(tmp_path / "board.yaml", 6)
+    cost = solve_by(task, clauses, "exact").plan.cost
+    is_proved = False
+    for number in range(1, 200):
+        solver = make_solver("portfolio", {}, StopAtPoll(number))
+        solution = solver.solve(model_of(task, rule_by(task, clauses)))
+        assert (solution.lower_bound or 0.0) <= cost + 1e-9
+        if solution.proved:
+            is_proved = True
+            assert solution.plan.cost == pytest.approx(cost)
+    assert is_proved
+
+
+def test_the_first_plan_is_improved_before_there_is_a_bound(tmp_path):
+    """Its conflicts, and those of better orders, lead local search to a plan near the optimum."""
+    task, clauses = obstructed_board(tmp_path / "board.yaml", 16)
     optimum = solve_by(task, clauses)
     stop = NoNode()
     make_solver("portfolio", {}, stop).solve(model_of(task, rule_by(task, clauses)))

@@ -147,11 +147,10 @@ class CheckedOrders:
         if precedence is None:
             return
         try:
-            problem, taken = self._divert(node.refused)
+            problem, taken = self._divert(node.refused, precedence)
         except Undecided:
             self._unproved = min(self._unproved, node.bound)
             return
-        problem = replace(problem, precedence=precedence)
         orders = JobOrders(problem)
         unchecked: list[Integers] = []
         conflicts: list[Conflict] = []
@@ -182,7 +181,8 @@ class CheckedOrders:
             rounds=self._rounds,
         )
         search.run()
-        if unchecked and search.bound < self._cutoff and not self._stop():
+        if unchecked and search.bound < self._cutoff:
+            # Also after a stop: an order that is not checked to its end proves nothing.
             conflicts[:] = self._check(problem, taken, orders.jobs(unchecked.pop()))
         self._method = self._method or search.effort.bound_method
         self._expanded += search.effort.nodes
@@ -225,13 +225,12 @@ class CheckedOrders:
             return False
         precedence, refused = self._avoid_alike(jobs)
         try:
-            problem, taken = self._divert(refused)
+            problem, taken = self._divert(refused, precedence)
         except Undecided:
             return False
-        problem = replace(problem, precedence=precedence)
         orders = JobOrders(problem)
-        instance, start = orders.instance, orders.nodes(jobs)
-        if not instance.feasible(start):
+        instance, start = orders.instance, self._begin(problem, orders)
+        if start is None:
             return False
         annealing = Annealing(instance, int(self._random.integers(1 << 32)))
         cheapest = start
@@ -266,9 +265,9 @@ class CheckedOrders:
         return _list_pairs(before), refused
 
     def _divert(
-        self, refused: Mapping[Arc, frozenset[int]]
+        self, refused: Mapping[Arc, frozenset[int]], precedence: frozenset[Pair]
     ) -> tuple[SequencingProblem, dict[Arc, int]]:
-        """Return the problem without these paths, and without the paths that no plan takes.
+        """Return the problem with this precedence, without these and all impossible paths.
 
         Raises
         ------
@@ -278,7 +277,8 @@ class CheckedOrders:
         united = dict(refused)
         for arc, numbers in self._refused.items():
             united[arc] = united.get(arc, frozenset()) | numbers
-        return self._relaxed.divert(united)
+        problem, taken = self._relaxed.divert(united)
+        return replace(problem, precedence=precedence), taken
 
     def _close(self, pairs: Iterable[Pair]) -> Booleans:
         """Return the transitive closure of pairs of jobs."""
