@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import skillplan_cad as cad
@@ -84,6 +86,39 @@ def test_a_plate_that_locks_several_pins_is_left_out_rather_than_the_pins():
     plan = cad.Planner(product, relation, budget=40).plan("base")
     assert plan.withdrawn == ("plate",)
     assert {name for step in plan.steps for name in step.parts} == {"a", "b", "c"}
+
+
+def test_of_parts_that_overlap_those_are_left_out_that_bear_few_others():
+    """Two clips are drawn inside a frame that bears three blocks; one clip also locks a block."""
+    solids = {
+        "base": box(0, 0, -20, 60, 20, 0),
+        "frame": box(0, 0, 0, 60, 20, 10),
+        "clip": box(50, 5, 5, 65, 15, 14),
+        "hook": box(-5, 5, 5, 10, 15, 14),
+        **{name: box(x, 5, 10, x + 8, 15, 18) for name, x in zip("abc", (12, 24, 36), strict=True)},
+    }
+    tangled = {"frame": "clip hook", "clip": "frame", "hook": "frame a", "a": "hook"}
+    blocked = {
+        "+x": tangled,
+        "+y": tangled,
+        "+z": {**tangled, "base": "frame", "frame": "clip hook a b c"},
+    }
+    touches = ["base frame", "frame a", "frame b", "frame c", "frame clip", "frame hook"]
+    product = cad.Product("tangled", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
+    relation = relation_by_hand(solids, blocked, touches, {"base": 1.0})
+    overlapping = {frozenset(("frame", "clip")), frozenset(("frame", "hook"))}
+    contacts = tuple(
+        replace(contact, overlap_m3=4e-7) if frozenset(contact.parts) in overlapping else contact
+        for contact in relation.contacts
+    )
+    plan = cad.Planner(product, replace(relation, contacts=contacts), effort=0).plan("base")
+    assert set(plan.withdrawn) == {"clip", "hook"}
+    assert {name for step in plan.steps for name in step.parts} == {"frame", "a", "b", "c"}
+    reasons = cad.list_stuck(plan, relation)
+    assert {name: (reason.kind, reason.by) for name, reason in reasons.items()} == {
+        "clip": ("stuck", ("frame",)),
+        "hook": ("stuck", ("frame",)),
+    }
 
 
 def test_when_time_is_over_no_path_is_searched_and_what_needs_one_is_left_out():

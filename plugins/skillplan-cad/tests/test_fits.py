@@ -241,6 +241,29 @@ def test_a_square_peg_in_a_square_hole_is_a_fit_with_its_depth_on_each_side(tmp_
     assert result.fit.depth_m == pytest.approx(8e-5, rel=1e-3)
 
 
+@pytest.mark.parametrize(("excess_mm", "is_fit"), [(0.3, True), (1.6, False)])
+def test_a_rail_that_is_too_wide_for_its_slot_is_squeezed_in_and_leaves_it_along_the_slot(
+    tmp_path, excess_mm, is_fit
+):
+    """On each side: 0.3 mm is more than a press fit of ISO 286 has, 1.6 mm is too deep."""
+    slot = trimesh.boolean.difference([block((40, 60, 20)), block((20, 80, 20), (0, 0, 10))])
+    rail = block((20 + 2 * excess_mm, 200, 16), (0, 0, 8))
+    for name, mesh in (("slot", slot), ("rail", rail)):
+        mesh.export(tmp_path / f"{name}.stl")
+    product = read_product(tmp_path, ReadOptions("mm"))
+    joints = find_joints(product, TOLERANCE_M, "axes", "unscrew")
+    (result,) = joints.contacts
+    assert result.interferes == (not is_fit)
+    relieved = relieve_fits(product, joints.contacts, joints.fasteners, TOLERANCE_M)
+    entries = find_blocked(relieved, joints.directions, TOLERANCE_M).entries
+    free = set(range(6)) - {entry.direction for entry in entries if entry.part == "rail"}
+    assert free == ({2, 3, 4} if is_fit else set())
+    if is_fit:
+        assert result.fit.kind == "squeezed"
+        assert result.fit.depth_m == pytest.approx(excess_mm * 1e-3, rel=0.05)
+        assert result.fit.allowed_m == pytest.approx(1.5e-3)
+
+
 def test_an_overlap_has_its_own_centre_and_depth_beside_faces_that_coincide(tmp_path, read_contact):
     """A block that fills a tray, whose wall it enters by 4.5 mm."""
     tray = ring((40, 50, 10), (30, 40, 10))

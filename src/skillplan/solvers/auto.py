@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 from skillplan.errors import NotASequencing
@@ -19,9 +20,10 @@ from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.task import back_end
 
-# Maximum numbers of operations and of labels for which exact search is tried first.
+# Maximum numbers of operations, of labels and of checks for which exact search is tried first.
 _SMALL = 24
 _LABELS = 6_000
+_CHECKS = 600
 _SMALL_POOL = 5
 
 # Share of the time in which orders are checked without a plan, before exact search.
@@ -79,7 +81,8 @@ class AutoSolver(Solver):
                 solution = self._by(fleet, model, seed, "fleet, as several agents move at once")
                 return _with_bound(solution, trial)
             return _with_bound(self._check_orders(model, seed, error), trial)
-        after = f"no proof by exact within {_LABELS:,} arrows" if small else "many jobs"
+        unproved = f"no proof by exact within {_LABELS:,} arrows or {_CHECKS} checks"
+        after = unproved if small else "many jobs"
         if pooled > _SMALL_POOL:
             after = f"{pooled} interchangeable parts"
         solution = portfolio.solve(model, seed=seed)
@@ -97,7 +100,8 @@ class AutoSolver(Solver):
         from skillplan.solvers.ordering.solver import PortfolioSolver
 
         left_s = self.stop.left_s
-        trial = Trial(self.stop, None if left_s is None else _CHECKED_SHARE * left_s)
+        until_s = math.inf if left_s is None else time.monotonic() + _CHECKED_SHARE * left_s
+        trial = Trial(self.stop, lambda: trial.best is None and time.monotonic() > until_s)
         checked = PortfolioSolver(stop=trial).solve_relaxed(model, seed)
         if checked is not None and (checked.plan is not None or checked.proved or self.stop()):
             return _because(checked, f"portfolio, which checks every order, as {error}")
@@ -127,8 +131,9 @@ class AutoSolver(Solver):
         return None
 
     def _try_exact(self, model: SkillModel, seed: int) -> Solution:
-        """Run exact search with few labels; its plan and its bound count in any case."""
-        trial = Trial(self.stop)
+        """Run exact search with few labels and checks; its plan and its bound count in any case."""
+        most = model.stats.checks + _CHECKS
+        trial = Trial(self.stop, lambda: model.stats.checks >= most)
         options = ExactSolver.Options(max_labels=_LABELS)
         return ExactSolver(options, trial).solve(model, seed=seed)
 
@@ -144,20 +149,19 @@ class Trial(Stop):
     ----------
     whole
         The stop of the whole search.
-    time_limit_s
-        Time after which the trial ends without a plan; None for no limit.
+    is_over
+        Returns whether the trial is to end.
     """
 
-    def __init__(self, whole: Stop, time_limit_s: float | None = None) -> None:
+    def __init__(self, whole: Stop, is_over: Callable[[], bool]) -> None:
         super().__init__(memory_limit_bytes=whole.memory_limit_bytes)
-        self._until_s = math.inf if time_limit_s is None else time.monotonic() + time_limit_s
+        self._is_over = is_over
         self._whole = whole
         self.best = whole.best
 
     def __call__(self) -> bool:
         """Return whether the trial has ended, or the whole search is to stop."""
-        is_late = self.best is None and time.monotonic() > self._until_s
-        return is_late or super().__call__() or self._whole()
+        return self._is_over() or super().__call__() or self._whole()
 
     def incumbent(self, plan: Plan) -> None:
         """Keep a plan, and pass it on."""

@@ -13,7 +13,15 @@ from skillplan_cad.product import Points, Vector
 
 ContactKind = Literal["plane", "cylinder", "thread", "free"]
 FitKind = Literal[
-    "press fit", "thread", "seal", "teeth", "overlap", "thread in solid", "no hole", "sunk"
+    "press fit",
+    "thread",
+    "seal",
+    "teeth",
+    "overlap",
+    "thread in solid",
+    "no hole",
+    "sunk",
+    "squeezed",
 ]
 
 
@@ -68,6 +76,8 @@ class Contact:
         Centre of the overlap's largest piece; None without one.
     overlap_depth_m
         Distance between the parts' surfaces across the overlap; 0 if chords explain it.
+    overlap_thickness_m
+        As overlap_depth_m, for half of the overlap: parts of it may be deeper.
     overlap_section_m
         Second smallest side of the overlap's box; 0 if chords explain it.
     fit
@@ -88,6 +98,7 @@ class Contact:
     overlap_point_m: Vector | None = None
     overlap_surface_m2: float = 0.0
     overlap_depth_m: float = 0.0
+    overlap_thickness_m: float = 0.0
     overlap_section_m: float = 0.0
     fit: Fit | None = None
 

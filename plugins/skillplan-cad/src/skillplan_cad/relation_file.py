@@ -153,6 +153,7 @@ def _build_contact_document(contact: Contact) -> dict[str, Any]:
         "overlap_allowed_mm3": _round(contact.overlap_allowed_m3 * 1e9, 4),
         "overlap_point_mm": None if point is None else _mm3(point),
         "overlap_depth_mm": _mm(contact.overlap_depth_m),
+        "overlap_thickness_mm": _mm(contact.overlap_thickness_m),
         "overlap_section_mm": _mm(contact.overlap_section_m),
         "interference": contact.interferes,
         "fit": None
@@ -185,6 +186,7 @@ def _parse_contact(fields: Mapping[str, Any]) -> Contact:
         overlap_point_m=None if point is None else _convert_to_metres(point),
         # Files of 0.3.0 have no depths and no fits.
         overlap_depth_m=fields.get("overlap_depth_mm", 0.0) / 1000,
+        overlap_thickness_m=fields.get("overlap_thickness_mm", 0.0) / 1000,
         overlap_section_m=fields.get("overlap_section_mm", 0.0) / 1000,
         fit=_parse_fit(fields.get("fit")),
     )

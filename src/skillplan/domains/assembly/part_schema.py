@@ -316,7 +316,7 @@ class Shaped(Strict):
     cylinder: CylinderConfig | None = Field(
         None, description="an upright cylinder; instead of size_m"
     )
-    meshes: Annotated[list[MeshConfig], Field(min_length=1, max_length=16)] | None = Field(
+    meshes: Annotated[list[MeshConfig], Field(min_length=1, max_length=256)] | None = Field(
         None, description="polyhedra from files, convex or not; instead of size_m"
     )
 

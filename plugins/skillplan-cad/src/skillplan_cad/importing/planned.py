@@ -324,7 +324,7 @@ _SHOWN = 6
 _MOST_STEPS = 12
 _LEAST_PATTERN = 3
 # Raised whenever the same relation gives another plan.
-_PLAN_FORMAT = 3
+_PLAN_FORMAT = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,6 +36,8 @@ class Overlap:
     depth_mm
         Distance between the parts' surfaces across the overlap; its longest side if both surfaces
         belong to one part, as for a part inside another. 0 if the volume is explained.
+    thickness_mm
+        As depth_mm, for half of the volume: parts of it may be deeper.
     section_mm
         Second smallest side of the overlap's box.
     """
@@ -45,6 +47,7 @@ class Overlap:
     allowed_mm3: float
     middle_mm: Floats
     depth_mm: float
+    thickness_mm: float
     section_mm: float
 
 
@@ -75,7 +78,7 @@ class Overlaps:
         surfaces = [_OverlapSurface(piece, mark, chords) for piece in pieces[:_PIECES]]
         middle = surfaces[0].find_middle_mm()
         allowed = _OverlapSurface(shared, mark, chords).compute_allowed_mm3()
-        depth, section = 0.0, 0.0
+        depth, thickness, section = 0.0, 0.0, 0.0
         if volume > allowed:
             deep = [
                 surface
@@ -84,10 +87,11 @@ class Overlaps:
             ]
             meshes = (self._meshes[first], self._meshes[second])
             part = self._product.parts[first]
-            depth, section = max(
+            depth, thickness, section = max(
                 surface.measure(part, meshes, self._middle_m) for surface in deep or surfaces[:1]
             )
-        return Overlap(volume, float(shared.surface_area()), allowed, middle, depth, section)
+        surface = float(shared.surface_area())
+        return Overlap(volume, surface, allowed, middle, depth, thickness, section)
 
     def _get_chords_mm(self, number: int) -> Floats:
         if number not in self._chords_mm:
@@ -163,8 +167,8 @@ class _OverlapSurface:
 
     def measure(
         self, like: Part, meshes: tuple[RayMesh, RayMesh], middle_m: Floats
-    ) -> tuple[float, float]:
-        """Return depth and section [mm]; rays are traced in both parts."""
+    ) -> tuple[float, float, float]:
+        """Return depth, thickness and section [mm]; rays are traced in both parts."""
         part = replace(like, vertices_m=self._vertices / 1000, triangles=self._triangles, faces=())
         samples = _samples(part, RayMesh(part, middle_m))
         start = max(_START_MM, 1e-6 * max(mesh.reach_mm for mesh in meshes))
@@ -174,7 +178,7 @@ class _OverlapSurface:
         thick = np.isfinite(length)
         points, normals, length = origins[thick], samples.normals[thick], length[thick]
         if not len(points):
-            return 0.0, 0.0
+            return 0.0, 0.0, 0.0
         ends = np.concatenate([samples.points_mm[thick], points - length[:, None] * normals])
         sides = np.sort(np.ptp(ends, axis=0))
         volumes = np.cumsum(samples.areas_mm2[thick] * length)
@@ -198,8 +202,12 @@ class _OverlapSurface:
         )
         is_between = (ends_ahead & ends_behind[::-1]).any(axis=0)
         across = np.where(is_between, ahead.min(axis=0) + behind.min(axis=0), np.inf)
-        nearest = np.sort(across.reshape(_INSIDE, -1).min(axis=1))
-        return min(float(nearest[int(_DEEPEST * _INSIDE)]), float(sides[2])), float(sides[1])
+        nearest = np.minimum(np.sort(across.reshape(_INSIDE, -1).min(axis=1)), sides[2])
+        return (
+            float(nearest[int(_DEEPEST * _INSIDE)]),
+            float(nearest[_INSIDE // 2]),
+            float(sides[1]),
+        )
 
 
 def _trace_exits(
@@ -442,6 +450,7 @@ def _build_contact(
         overlap_allowed_m3=shared.allowed_mm3 / 1e9 if shared is not None else 0.0,
         overlap_point_m=_vector(shared.middle_mm / 1000) if shared is not None else None,
         overlap_depth_m=shared.depth_mm / 1000 if shared is not None else 0.0,
+        overlap_thickness_m=shared.thickness_mm / 1000 if shared is not None else 0.0,
         overlap_section_m=shared.section_mm / 1000 if shared is not None else 0.0,
     )
 

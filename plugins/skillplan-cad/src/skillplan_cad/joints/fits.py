@@ -57,6 +57,11 @@ _EXPLAINED = 1.25
 # and of the overlap's width; greatest share of its volume. Halvings that measure the depth.
 _SUNK_M, _SUNK, _SUNK_WIDTH, _SUNK_VOLUME = 1e-3, 0.1, 1 / 3, 0.1
 _HALVINGS = 6
+# Greatest overlap of a part that is squeezed into its place: in metres, and as shares of its least
+# extent and of its volume. Least share of the overlap's surface that either part bounds with faces
+# along the other's, and cosine of such faces.
+_TIGHT_M, _TIGHT, _TIGHT_VOLUME = 1.5e-3, 1 / 8, 0.05
+_TIGHT_SIDE, _ALONG = 0.3, 0.97
 # Corners of a drilled hole.
 _CORNERS = 48
 # Smallest depth that is no rounding error, in metres and in radii.
@@ -179,7 +184,8 @@ class _Overlap:
             limits = self._list_limits(diameter_m)[: 1 if is_elsewhere else None]
         kinds = [(kind, limit_m) for kind, limit_m in limits if depth_m <= limit_m]
         if not kinds:
-            return None if options.allowance_m is not None else self._find_seat()
+            seat = None if options.allowance_m is not None else self._find_seat()
+            return seat or (None if options.allowance_m is not None else self._find_squeeze())
         kind, allowed_m = kinds[0]
         return Fit(
             "press fit" if kind == "overlap" and self.tight else kind, depth_m, allowed_m, volume_m3
@@ -216,6 +222,37 @@ class _Overlap:
                 low_m, high_m = (low_m, middle_m) if free else (middle_m, high_m)
             depths.append((high_m, limit_m))
         return Fit("sunk", *min(depths), volume_m3) if depths else None
+
+    def _find_squeeze(self) -> Fit | None:
+        """Return the fit of a part that is drawn a little too large for its place, or None.
+
+        The overlap is then thin, with a face of either part on each side.
+        """
+        smaller, larger = sorted(self.parts, key=lambda part: part.volume_m3)
+        depth_m = self.contact.overlap_thickness_m
+        extent_m = float(np.ptp(smaller.vertices_m, axis=0).min())
+        limit_m = min(_TIGHT_M, _TIGHT * extent_m, _SUNK_WIDTH * self.contact.overlap_section_m)
+        is_large = self.contact.overlap_m3 > _TIGHT_VOLUME * smaller.volume_m3
+        if self.tight or is_large or depth_m > limit_m:
+            return None
+        solids = [
+            make_solid(part.vertices_m, part.triangles).as_original() for part in (smaller, larger)
+        ]
+        shared = solids[0] ^ solids[1]
+        mesh = shared.to_mesh64()
+        corners = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+        points = corners[np.asarray(mesh.tri_verts, dtype=np.int64)]
+        normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]) / 2
+        areas_mm2 = np.linalg.norm(normals, axis=1)
+        owners = np.repeat(mesh.run_original_id, np.diff(mesh.run_index) // 3)
+        faces = [
+            (normals[owners == solid.original_id()], areas_mm2[owners == solid.original_id()])
+            for solid in solids
+        ]
+        along_mm2 = [_measure_along(*own, *other) for own, other in (faces, faces[::-1])]
+        if min(along_mm2) < _TIGHT_SIDE * float(areas_mm2.sum()):
+            return None
+        return Fit("squeezed", depth_m, limit_m, self.contact.overlap_m3)
 
     def _are_teeth(self) -> bool:
         """Return whether a gear overlaps its mate by no more than its teeth can."""
@@ -255,6 +292,22 @@ class _Overlap:
         if self.tight:
             limits.append(("thread", compute_thread_depth_m(diameter_m)))
         return limits
+
+
+def _measure_along(normals: Points, areas_mm2: Points, others: Points, others_mm2: Points) -> float:
+    """Return the area of the faces of one part that face a face of another [mm2].
+
+    Parameters
+    ----------
+    normals, others
+        Normals of the triangles of either part, as long as their areas.
+    """
+    if not len(areas_mm2) or not len(others_mm2):
+        return 0.0
+    lines = others[others_mm2 > 0] / others_mm2[others_mm2 > 0, None]
+    lines = np.unique(np.round(lines, 2), axis=0)
+    facing = (normals @ lines.T).min(axis=1) < -_ALONG * areas_mm2
+    return float(areas_mm2[facing].sum())
 
 
 def _measure_depth_m(fit: CylinderFit) -> float:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from skillplan_cad.planning.free_paths import FreePath, Move, find_free_path, get_inset_m
+from skillplan_cad.planning.motion_space import Met, Surroundings
 from skillplan_cad.planning.precedence import (
     Precedence,
     derive_precedence,
@@ -206,7 +208,10 @@ def list_names(parts: int, precedence: Precedence) -> tuple[str, ...]:
 DRIVER, GRIPPER = "screwdriver", "gripper"
 _MOST_FOR_ALL_FORCES = 60
 _ALMOST = 0.9
-_EFFORT, _PART_SHARE = 6_000.0, 0.2
+# Limits of the work of path searches: of all together, at least and by part; and of one part, first
+# with little of it and then in full.
+_EFFORT, _EFFORT_EACH = 6_000.0, 600.0
+_ROUNDS = (600.0, 1_200.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,6 +310,15 @@ class AssemblyPlan:
         return not self.stuck
 
 
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """The last search of a way out for a part, the parts present then, and its limit of work."""
+
+    path: FreePath
+    present: int
+    effort: float
+
+
 @dataclass
 class _Work:
     """Intermediate results of planning."""
@@ -313,7 +327,7 @@ class _Work:
     directions: list[Vector]
     paths: dict[int, FreePath] = field(default_factory=dict)
     removed: list[tuple[int, Removal, int, int]] = field(default_factory=list)
-    searched: dict[int, tuple[int, FreePath]] = field(default_factory=dict)
+    searched: dict[int, _Search] = field(default_factory=dict)
     subassemblies: list[tuple[int, int]] = field(default_factory=list)
     stuck: dict[int, Stuck] = field(default_factory=dict)
     withdrawn: list[int] = field(default_factory=list)
@@ -331,7 +345,8 @@ class Planner:
     budget
         Iteration limit of a path search.
     effort
-        Limit of the work of all path searches, as in `find_free_path`; a fifth of it for a part.
+        Limit of the work of all path searches, as in `find_free_path`; None for more with more
+        parts.
     watch
         Progress reports, and requests to stop.
     """
@@ -342,11 +357,12 @@ class Planner:
         relation: Relation,
         tolerance_m: float = 1e-4,
         budget: int = 5_000,
-        effort: float = _EFFORT,
+        effort: float | None = None,
         watch: Watch | None = None,
     ) -> None:
         self._product, self._relation = product, relation
-        self._tolerance_m, self._budget, self._effort = tolerance_m, budget, effort
+        self._tolerance_m, self._budget = tolerance_m, budget
+        self._effort = max(_EFFORT, _EFFORT_EACH * len(product)) if effort is None else effort
         self._watch = watch or Watch()
         self._trees = MeshTrees(get_inset_m(tolerance_m))
         self._touches = find_touching(relation)
@@ -372,7 +388,7 @@ class Planner:
         number, why = self._choose_base(precedence, base, grounded)
         locks = find_groups(self._relation, precedence, 1 << number).locks
         work = _Work(precedence, list(self._relation.directions))
-        self._take_apart(work, precedence.everything, number, up)
+        self._take_apart(work, self._part_overlapping(work, number), number, up)
         kept = precedence.everything & ~encode_set(work.withdrawn)
         names = self._relation.names
         return AssemblyPlan(
@@ -441,7 +457,7 @@ class Planner:
                 self._take_off(work, split.moved, split.direction, present, base, up)
                 present = split.left
             elif not self._find_path(work, present, base):
-                self._note_stuck(work, present, base)
+                self._note_stuck(work, present & ~(1 << base), present)
                 present &= ~(1 << self._withdraw(work, present, base))
 
     def _take_off(
@@ -471,40 +487,91 @@ class Planner:
         without = precedence.find_core(parts & ~(1 << first), 1 << second).bit_count()
         return second if without < least else first
 
-    def _find_path(self, work: _Work, present: int, base: int) -> bool:
-        """Search a path for one of the remaining parts, the smallest first."""
-        parts = self._product.parts
-        for part in sorted(
-            list_members(present & ~(1 << base)), key=lambda n: (parts[n].volume_m3, n)
-        ):
-            if not self._needs_search(work, part, present):
-                continue
-            fastener = self._relation.fastener(parts[part].name)
-            gripped = encode_set(
-                [self._product.index(name) for name in (fastener.threaded_in if fastener else ())]
-            )
-            standing = [parts[n] for n in list_members(present & ~(1 << part) & ~gripped)]
-            path = self._search_path(parts[part], standing)
-            work.searched[part] = (present, path)
-            if path.outcome == "free":
-                number = len(work.directions)
-                offset = np.asarray(path.moves[-1].offset_m)
-                length = float(np.linalg.norm(offset))
-                along = offset / length if length else np.array([0.0, 0.0, 1.0])
-                work.directions.append((float(along[0]), float(along[1]), float(along[2])))
-                work.paths[number] = path
-                absent = work.precedence.everything & ~present
-                work.precedence = work.precedence.with_path(part, number, absent)
-                return True
-        return False
+    def _part_overlapping(self, work: _Work, base: int) -> int:
+        """Return the parts without those that overlap others, as no motion parts these.
 
-    def _search_path(self, part: Part, standing: Sequence[Part]) -> FreePath:
-        """Search a path with a share of the effort that is left."""
+        Of parts that do not come off one at a time, the one with most overlaps for each part that
+        it bears or holds is left out first; ties go to the smallest.
+        """
+        present, parts = work.precedence.everything, self._product.parts
+        while True:
+            core = work.precedence.find_core(present, 1 << base)
+            overlaps = {n: self._overlaps[n] & core for n in list_members(core & ~(1 << base))}
+            rates = {
+                (
+                    own.bit_count() / (1 + (self._touches[n] & present & ~own).bit_count()),
+                    -parts[n].volume_m3,
+                    n,
+                )
+                for n, own in overlaps.items()
+                if own
+            }
+            if not rates:
+                return present
+            *_, part = max(rates)
+            met = self._list_overlaps(part, overlaps[part])
+            work.searched[part] = _Search(FreePath("closed", (), 0, False, met), present, 0.0)
+            self._note_stuck(work, 1 << part, present)
+            work.withdrawn.append(part)
+            present &= ~(1 << part)
+
+    @cached_property
+    def _overlaps(self) -> tuple[int, ...]:
+        """The set of parts that overlap each part, although all are shrunk."""
+        overlaps = [0] * len(self._product)
+        for contact in self._relation.contacts:
+            if contact.interferes:
+                first, second = (self._relation.index(name) for name in contact.parts)
+                if self._list_overlaps(first, 1 << second):
+                    overlaps[first] |= 1 << second
+                    overlaps[second] |= 1 << first
+        return tuple(overlaps)
+
+    def _list_overlaps(self, part: int, others: int) -> tuple[Met, ...]:
+        """Return the parts of a set that overlap a part, although all are shrunk."""
+        trees = [self._trees.get(self._product.parts[n]) for n in (part, *list_members(others))]
+        return Surroundings(trees[:1], trees[1:]).list_overlaps()
+
+    def _find_path(self, work: _Work, present: int, base: int) -> bool:
+        """Search a path for one of the remaining parts, the smallest first, with little work."""
+        parts = self._product.parts
+        order = sorted(list_members(present & ~(1 << base)), key=lambda n: (parts[n].volume_m3, n))
+        return any(
+            self._search_part(work, part, present, effort) for effort in _ROUNDS for part in order
+        )
+
+    def _search_part(self, work: _Work, part: int, present: int, effort: float) -> bool:
+        """Search a path for a part; return True if there is one, which is kept."""
+        if not self._needs_search(work, part, present, effort):
+            return False
+        parts = self._product.parts
+        fastener = self._relation.fastener(parts[part].name)
+        gripped = encode_set(
+            [self._product.index(name) for name in (fastener.threaded_in if fastener else ())]
+        )
+        standing = [parts[n] for n in list_members(present & ~(1 << part) & ~gripped)]
+        path = self._search_path(parts[part], standing, effort)
+        if path.outcome != "no effort left" or part not in work.searched:
+            work.searched[part] = _Search(path, present, effort)
+        if path.outcome != "free":
+            return False
+        number = len(work.directions)
+        offset = np.asarray(path.moves[-1].offset_m)
+        length = float(np.linalg.norm(offset))
+        along = offset / length if length else np.array([0.0, 0.0, 1.0])
+        work.directions.append((float(along[0]), float(along[1]), float(along[2])))
+        work.paths[number] = path
+        absent = work.precedence.everything & ~present
+        work.precedence = work.precedence.with_path(part, number, absent)
+        return True
+
+    def _search_path(self, part: Part, standing: Sequence[Part], effort: float) -> FreePath:
+        """Search a path with at most the effort that is left."""
         if self._effort <= 0:
             return FreePath("no effort left", (), 0, False, ())
         if self._watch.must_stop():
             return FreePath("not searched", (), 0, False, ())
-        effort = min(_PART_SHARE * _EFFORT, self._effort)
+        effort = min(effort, self._effort)
         with self._watch.examine(f"planning: a way out for {part.name}"):
             path = find_free_path(
                 [part], standing, self._tolerance_m, self._budget, True, effort, self._trees
@@ -512,19 +579,22 @@ class Planner:
         self._effort -= path.effort
         return path
 
-    def _needs_search(self, work: _Work, part: int, present: int) -> bool:
+    def _needs_search(self, work: _Work, part: int, present: int, effort: float) -> bool:
         """Return whether a search can end otherwise than the last one of the part."""
-        if part not in work.searched:
+        last = work.searched.get(part)
+        if last is None:
             return True
-        before, path = work.searched[part]
+        path = last.path
         met = encode_set([self._relation.index(obstacle.part) for obstacle in path.in_the_way])
-        return bool(before & ~present & met)
+        if last.present & ~present & met:
+            return True
+        return path.outcome == "budget spent" and last.effort <= path.effort < effort
 
-    def _note_stuck(self, work: _Work, present: int, base: int) -> None:
+    def _note_stuck(self, work: _Work, stuck: int, present: int) -> None:
         names = work.precedence.names
-        for part in list_members(present & ~(1 << base)):
+        for part in list_members(stuck):
             among = list_names(present & ~(1 << part), work.precedence)
-            work.stuck.setdefault(part, Stuck(names[part], among, work.searched[part][1]))
+            work.stuck.setdefault(part, Stuck(names[part], among, work.searched[part].path))
 
     def _withdraw(self, work: _Work, present: int, base: int) -> int:
         """Leave out the part without which most others come off; ties go to the smallest."""
