@@ -488,7 +488,7 @@ class Planner:
         return second if without < least else first
 
     def _part_overlapping(self, work: _Work, base: int) -> int:
-        """Return the parts without those that overlap others, as no motion parts these.
+        """Leave out parts until no others overlap, as no motion parts these; return the rest.
 
         Of parts that do not come off one at a time, the one with most overlaps for each part that
         it bears or holds is left out first; ties go to the smallest.
