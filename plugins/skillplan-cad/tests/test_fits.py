@@ -264,6 +264,25 @@ def test_a_rail_that_is_too_wide_for_its_slot_is_squeezed_in_and_leaves_it_along
         assert result.fit.allowed_m == pytest.approx(1.5e-3)
 
 
+@pytest.mark.parametrize(("lip_mm", "leaves"), [(1.0, True), (8.0, False)])
+def test_the_hook_of_a_squeezed_part_gives_way_unless_it_is_large(tmp_path, lip_mm, leaves):
+    """A plug, 0.2 mm too wide on each side, has a lip beneath the plate that it goes through."""
+    plate = trimesh.boolean.difference([block((80, 80, 20)), block((20, 20, 30))])
+    shank = block((20.4, 20.4, 40), (0, 0, 10))
+    lip = block((20 + 2 * lip_mm, 20, 4), (0, 0, -12))
+    plug = trimesh.boolean.union([shank, block((60, 60, 10), (0, 0, 15)), lip])
+    for name, mesh in (("plate", plate), ("plug", plug)):
+        mesh.export(tmp_path / f"{name}.stl")
+    product = read_product(tmp_path, ReadOptions("mm"))
+    joints = find_joints(product, TOLERANCE_M, "axes", "unscrew")
+    (result,) = joints.contacts
+    assert result.fit.kind == "squeezed"
+    relieved = joints.relieve(product, TOLERANCE_M)
+    entries = find_blocked(relieved, joints.directions, TOLERANCE_M).entries
+    blocked = {entry.direction for entry in entries if entry.part == "plug"}
+    assert (4 not in blocked) == leaves
+
+
 def test_an_overlap_has_its_own_centre_and_depth_beside_faces_that_coincide(tmp_path, read_contact):
     """A block that fills a tray, whose wall it enters by 4.5 mm."""
     tray = ring((40, 50, 10), (30, 40, 10))

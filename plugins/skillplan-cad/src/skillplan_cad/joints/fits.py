@@ -363,9 +363,12 @@ def relieve_fits(
             smaller, larger = sorted(numbers, key=lambda number: parts[number].volume_m3)
             line = _find_line(contact, parts[smaller], fasteners)
             if line is None:
-                is_pressed = contact.fit is not None and contact.fit.kind == "press fit"
-                ways = directions if is_pressed else ()
-                parts[smaller] = _cut_away(parts[smaller], parts[larger], ways)
+                kind = contact.fit.kind if contact.fit is not None else None
+                ways = directions if kind in ("press fit", "squeezed") else ()
+                thinned = _cut_away(parts[smaller], parts[larger], ways)
+                if kind == "squeezed" and not _gives_way(parts[smaller], thinned, contact):
+                    thinned = _cut_away(parts[smaller], parts[larger], ())
+                parts[smaller] = thinned
             else:
                 own = product.index(line.part)
                 other = smaller if own == larger else larger
@@ -487,6 +490,12 @@ def _is_on_axis(points: Points, origin: Points, axis: Points) -> bool:
     offsets = points - origin
     across = offsets - (offsets @ axis)[:, None] * axis
     return bool(np.abs(across).max() < 1e-6)
+
+
+def _gives_way(part: Part, thinned: Part, contact: Contact) -> bool:
+    """Return whether a part is cut by no more than a snap bends: as much again as it overlaps."""
+    whole, left = (make_solid(p.vertices_m, p.triangles).volume() for p in (part, thinned))
+    return bool(whole - left <= 2 * contact.overlap_m3 * 1e9)
 
 
 def _cut_away(part: Part, other: Part, directions: Sequence[Vector]) -> Part:
