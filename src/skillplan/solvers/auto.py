@@ -150,7 +150,7 @@ class Trial(Stop):
     whole
         The stop of the whole search.
     is_over
-        Returns whether the trial is to end.
+        True once the trial has to end.
     """
 
     def __init__(self, whole: Stop, is_over: Callable[[], bool]) -> None:

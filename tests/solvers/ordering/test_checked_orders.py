@@ -158,25 +158,13 @@ def obstructed_board(path, parts):
     return task, clauses
 
 
-class StopAtPoll(Stop):
-    """A stop that ends a search when it is polled for the nth time."""
-
-    def __init__(self, number):
-        super().__init__()
-        self.left = number
-
-    def __call__(self):
-        self.left -= 1
-        return self.left <= 0 or super().__call__()
-
-
 def test_a_search_that_is_stopped_proves_nothing_wrong(tmp_path):
     """Wherever it is stopped: an order that was not checked is no cheapest plan."""
     task, clauses = obstructed_board(tmp_path / "board.yaml", 6)
     cost = solve_by(task, clauses, "exact").plan.cost
     is_proved = False
     for number in range(1, 200):
-        solver = make_solver("portfolio", {}, StopAtPoll(number))
+        solver = make_solver("portfolio", {}, situations.PatientStop(number))
         solution = solver.solve(model_of(task, rule_by(task, clauses)))
         assert (solution.lower_bound or 0.0) <= cost + 1e-9
         if solution.proved:

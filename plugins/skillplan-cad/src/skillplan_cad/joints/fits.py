@@ -184,8 +184,9 @@ class _Overlap:
             limits = self._list_limits(diameter_m)[: 1 if is_elsewhere else None]
         kinds = [(kind, limit_m) for kind, limit_m in limits if depth_m <= limit_m]
         if not kinds:
-            seat = None if options.allowance_m is not None else self._find_seat()
-            return seat or (None if options.allowance_m is not None else self._find_squeeze())
+            if options.allowance_m is not None:
+                return None
+            return self._find_seat() or self._find_squeeze()
         kind, allowed_m = kinds[0]
         return Fit(
             "press fit" if kind == "overlap" and self.tight else kind, depth_m, allowed_m, volume_m3
@@ -493,7 +494,7 @@ def _is_on_axis(points: Points, origin: Points, axis: Points) -> bool:
 
 
 def _gives_way(part: Part, thinned: Part, contact: Contact) -> bool:
-    """Return whether a part is cut by no more than a snap bends: as much again as it overlaps."""
+    """Return whether a cut takes at most twice the overlap, as where a snap bends."""
     whole, left = (make_solid(p.vertices_m, p.triangles).volume() for p in (part, thinned))
     return bool(whole - left <= 2 * contact.overlap_m3 * 1e9)
 
