@@ -283,6 +283,47 @@ def test_the_hook_of_a_squeezed_part_gives_way_unless_it_is_large(tmp_path, lip_
     assert (4 not in blocked) == leaves
 
 
+def add_pins(pin_mm, *more):
+    """Return a body of 20 x 10 x 8 mm over a board with two pins, 1 mm thick, through the board."""
+    pins = [block((*pin_mm, 6), (x, 0, -1)) for x in (-5, 5)]
+    return trimesh.boolean.union([block((20, 10, 8), (0, 0, 4.75)), *pins, *more])
+
+
+@pytest.mark.parametrize(
+    ("pin_mm", "more", "is_fit"),
+    [
+        ((1, 1), (), True),
+        ((1, 2.5), (), True),
+        ((1, 6), (), False),
+        ((4, 4), (), False),
+        ((1, 1), (((14, 4, 2), (0, 0, -4.5)),), False),
+    ],
+    ids=["square", "flat", "fin", "post", "riveted"],
+)
+def test_thin_pins_in_a_board_without_holes_are_a_fit_if_the_part_comes_straight_off(
+    tmp_path, pin_mm, more, is_fit
+):
+    """The board is drilled for them, also where the part is drawn 0.25 mm sunk."""
+    part = add_pins(pin_mm, *(block(*item) for item in more))
+    sunk = trimesh.boolean.union([part, block((6, 4, 1), (0, 0, 1))])
+    for name, mesh in (("board", block((60, 40, 1.5))), ("part", sunk)):
+        mesh.export(tmp_path / f"{name}.stl")
+    product = read_product(tmp_path, ReadOptions("mm"))
+    joints = find_joints(product, TOLERANCE_M, "axes", "unscrew")
+    (result,) = joints.contacts
+    assert result.interferes == (not is_fit)
+    relieved = joints.relieve(product, TOLERANCE_M)
+    entries = find_blocked(relieved, joints.directions, TOLERANCE_M).entries
+    free = set(range(6)) - {entry.direction for entry in entries if entry.part == "part"}
+    assert free == ({4} if is_fit else set())
+    if is_fit:
+        assert result.fit.kind == "pins in solid"
+        assert result.fit.volume_m3 == pytest.approx((3 * np.prod(pin_mm) + 6) * 1e-9, rel=0.01)
+        board = relieved.parts[product.index("board")]
+        drilled = trimesh.Trimesh(board.vertices_m, board.triangles)
+        assert 3.6e-6 - drilled.volume == pytest.approx(result.fit.volume_m3, rel=1e-3)
+
+
 def test_an_overlap_has_its_own_centre_and_depth_beside_faces_that_coincide(tmp_path, read_contact):
     """A block that fills a tray, whose wall it enters by 4.5 mm."""
     tray = ring((40, 50, 10), (30, 40, 10))

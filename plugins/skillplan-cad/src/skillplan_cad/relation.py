@@ -22,6 +22,7 @@ FitKind = Literal[
     "no hole",
     "sunk",
     "squeezed",
+    "pins in solid",
 ]
 
 

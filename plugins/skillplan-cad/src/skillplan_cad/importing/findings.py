@@ -301,7 +301,7 @@ def restore_product(content: bytes) -> Product:
 
 _MOST_BYTES = 1 << 30
 # Raised whenever the same file is read as other parts.
-_FORMAT = 8
+_FORMAT = 9
 _HASH_BYTES = 32
 _DOUBTS_FORMAT = 1
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import manifold3d
 import numpy as np
 
 from skillplan.collision.contact_forces import find_axes_across
@@ -62,6 +63,14 @@ _HALVINGS = 6
 # along the other's, and cosine of such faces.
 _TIGHT_M, _TIGHT, _TIGHT_VOLUME = 1.5e-3, 1 / 8, 0.05
 _TIGHT_SIDE, _ALONG = 0.3, 0.97
+# Thickest pin whose hole is not drawn: in metres, and as a share of the part's middle extent. Least
+# roundness of its section (1 for a circle, 0.5 for a rectangle of 4 to 1), share of its prism that
+# is solid, and share of its sides that the part itself has. Greatest overlap, as a share of either
+# part's volume.
+_PIN_M, _PIN, _ROUND, _PRISM, _OWN_SIDES, _PIN_VOLUME = 3e-3, 1 / 4, 0.5, 0.7, 0.9, 1 / 4
+# Heights at which a pin is cut, and places on its way out at which it is compared, as shares;
+# greatest cosine between a side and the pin.
+_SLICES, _WAY, _SIDE = (0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99), (0, 0.05, 0.1, 0.25, 0.5, 0.75), 0.1
 # Corners of a drilled hole.
 _CORNERS = 48
 # Smallest depth that is no rounding error, in metres and in radii.
@@ -186,7 +195,7 @@ class _Overlap:
         if not kinds:
             if options.allowance_m is not None:
                 return None
-            return self._find_seat() or self._find_squeeze()
+            return self._find_seat() or self._find_squeeze() or self._find_pins()
         kind, allowed_m = kinds[0]
         return Fit(
             "press fit" if kind == "overlap" and self.tight else kind, depth_m, allowed_m, volume_m3
@@ -255,6 +264,13 @@ class _Overlap:
             return None
         return Fit("squeezed", depth_m, limit_m, self.contact.overlap_m3)
 
+    def _find_pins(self) -> Fit | None:
+        """Return the fit of thin pins of one part whose holes are not drawn, or None."""
+        if self.tight or drill_pins(self.parts, self.contact, self.directions) is None:
+            return None
+        depth_m = self.contact.overlap_depth_m
+        return Fit("pins in solid", depth_m, depth_m, self.contact.overlap_m3)
+
     def _are_teeth(self) -> bool:
         """Return whether a gear overlaps its mate by no more than its teeth can."""
         smaller_m3 = min(part.volume_m3 for part in self.parts)
@@ -293,6 +309,105 @@ class _Overlap:
         if self.tight:
             limits.append(("thread", compute_thread_depth_m(diameter_m)))
         return limits
+
+
+def drill_pins(
+    parts: tuple[Part, Part], contact: Contact, directions: Sequence[Vector]
+) -> Part | None:
+    """Return one of two parts with holes for the pins that the other has drawn into it, or None.
+
+    All of the overlap is thin pins along one direction, along which the other part comes straight
+    off once the holes are there. Beside them it may be a little sunk.
+    """
+    if contact.overlap_m3 > _PIN_VOLUME * min(part.volume_m3 for part in parts):
+        return None
+    for pinned, block in (parts, parts[::-1]):
+        solid, mate = (
+            make_solid(part.vertices_m, part.triangles).as_original() for part in (pinned, block)
+        )
+        shared = solid ^ mate
+        limits_mm = (_PIN_M * 1e3, _PIN * float(np.median(np.ptp(pinned.vertices_m, axis=0))) * 1e3)
+        allowed_mm3 = contact.overlap_allowed_m3 * 1e9 + 0.02 * float(shared.volume())
+        for direction in directions:
+            frame = _build_frame(np.asarray(direction))
+            if not _has_sides_of(shared, solid.original_id(), frame[2]):
+                continue
+            turned = [_turn(item, frame) for item in (shared, solid, mate)]
+            outlines = _find_pins(turned[0], min(limits_mm))
+            if outlines is None:
+                continue
+            top_mm = turned[2].bounding_box()[5] + 1
+            drilled = turned[2]
+            for outline, low_mm in outlines:
+                drilled -= outline.extrude(top_mm - low_mm).translate((0, 0, low_mm))
+            way_mm = top_mm - turned[1].bounding_box()[2]
+            left_mm3 = (
+                float((turned[1].translate((0, 0, share * way_mm)) ^ drilled).volume())
+                for share in _WAY
+            )
+            if all(left <= allowed_mm3 for left in left_mm3):
+                return _replace_solid(block, drilled, frame, np.zeros(3))
+    return None
+
+
+def _turn(solid: Any, frame: Points) -> Any:
+    """Return a solid along the axes of a frame."""
+    return solid.transform(np.column_stack([frame, np.zeros(3)]))
+
+
+def _has_sides_of(shared: Any, owner: int, along: Points) -> bool:
+    """Return whether one part has the sides of an overlap along a direction."""
+    mesh = shared.to_mesh64()
+    corners = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    points = corners[np.asarray(mesh.tri_verts, dtype=np.int64)]
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]) / 2
+    areas_mm2 = np.linalg.norm(normals, axis=1)
+    owners = np.repeat(mesh.run_original_id, np.diff(mesh.run_index) // 3)
+    is_side = np.abs(normals @ along) < _SIDE * areas_mm2
+    own_mm2 = float(areas_mm2[is_side & (owners == owner)].sum())
+    return own_mm2 > 0 and own_mm2 >= _OWN_SIDES * float(areas_mm2[is_side].sum())
+
+
+def _find_pins(shared: Any, limit_mm: float) -> list[tuple[Any, float]] | None:
+    """Return the outlines and lower ends of thin pins and shallow seats, or None for others.
+
+    Parameters
+    ----------
+    shared
+        The overlap, with the pins upright.
+    limit_mm
+        Greatest thickness of a pin.
+    """
+    *_, low_mm, _, _, high_mm = shared.bounding_box()
+    heights_mm = low_mm + (high_mm - low_mm) * np.asarray(_SLICES)
+    # Faces that coincide join the pins by films, in none of the slices.
+    slices = [shared.slice(height_mm) for height_mm in heights_mm.tolist()]
+    whole = manifold3d.CrossSection.batch_boolean(slices, manifold3d.OpType.Add)
+    outlines, has_pin = [], False
+    for outline in whole.decompose():
+        column = outline.extrude(high_mm - low_mm).translate((0, 0, low_mm))
+        body = shared ^ column
+        *_, start_mm, _, _, end_mm = body.bounding_box()
+        outlines.append((outline, start_mm))
+        area_mm2, width_mm = _measure_section(outline)
+        height_mm = end_mm - start_mm
+        is_prism = float(body.volume()) >= _PRISM * area_mm2 * height_mm
+        if is_prism and width_mm <= min(limit_mm, height_mm):
+            has_pin = True
+        elif height_mm > _SUNK_M * 1e3:
+            return None
+    return outlines if has_pin else None
+
+
+def _measure_section(section: Any) -> tuple[float, float]:
+    """Return the area [mm2] of a section and how thick it is [mm]; infinite for a fin."""
+    rings = [np.asarray(ring) for ring in section.to_polygons()]
+    ring_mm = sum(
+        float(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1).sum()) for ring in rings
+    )
+    area_mm2 = float(section.area())
+    is_fin = 4 * np.pi * area_mm2 < _ROUND * ring_mm**2
+    return area_mm2, np.inf if is_fin else 4 * area_mm2 / ring_mm
 
 
 def _measure_along(normals: Points, areas_mm2: Points, others: Points, others_mm2: Points) -> float:
@@ -360,11 +475,16 @@ def relieve_fits(
         for fit in tight:
             parts[fit.inner] = _turn_down(parts[fit.inner], fit, play_m)
         deep = contact.fit is not None and contact.fit.depth_m > tolerance_m / 2
-        if not tight and deep:
+        kind = contact.fit.kind if contact.fit is not None else None
+        if kind == "pins in solid":
+            first, second = (parts[number] for number in numbers)
+            block = drill_pins((first, second), contact, directions)
+            if block is not None:
+                parts[product.index(block.name)] = block
+        elif not tight and deep:
             smaller, larger = sorted(numbers, key=lambda number: parts[number].volume_m3)
             line = _find_line(contact, parts[smaller], fasteners)
             if line is None:
-                kind = contact.fit.kind if contact.fit is not None else None
                 ways = directions if kind in ("press fit", "squeezed") else ()
                 thinned = _cut_away(parts[smaller], parts[larger], ways)
                 if kind == "squeezed" and not _gives_way(parts[smaller], thinned, contact):
@@ -415,8 +535,6 @@ def _drill(part: Part, fastener: Part, line: Fastener, play_m: float) -> Part:
 
     A screw's hole opens towards its head.
     """
-    import manifold3d
-
     frame = _build_frame(np.asarray(line.axis))
     origin = np.asarray(line.point_m)
     solids = [

@@ -478,8 +478,9 @@ def _choose_grip_n(needed_n: float, most_n: float, least_n: float = _LEAST_GRIP_
 
 
 _DECIMALS = 7
-# Distance by which faces may move where a body touches itself [m].
-_HEALED_M = 1e-6
+# Distance by which faces may move where a body touches itself [m]; of meshes that are too large, in
+# tolerances.
+_HEALED_M, _COARSEST = 1e-6, 2
 
 
 def format_obj(vertices_m: Points, triangles: Triangles) -> str:
@@ -1113,9 +1114,12 @@ class SharedMeshes:
     ----------
     of_part
         Meshes by name of the part.
+    errors_m
+        Distances by which simplified meshes are off, by name [m].
     """
 
     of_part: dict[str, Meshes] = field(default_factory=dict)
+    errors_m: dict[str, float] = field(default_factory=dict)
     _texts: dict[str, tuple[object, str]] = field(default_factory=dict)
 
     def format(self, path: str, content: object, make: Callable[[], str]) -> str:
@@ -1437,7 +1441,7 @@ class TaskWriter:
         count = sum(len(triangles) for _, triangles in meshes)
         if count < len(part.triangles):
             words = "is written with {:,} of its {:,} triangles, at most {:g} mm off"
-            numbers = count, len(part.triangles), self._get_mesh_error_m(part) * 1e3
+            numbers = count, len(part.triangles), self.shared.errors_m[part.name] * 1e3
             self._note(part.name, words.format(*numbers))
         fixed = part.name in self.holds.fixed
         entry: dict[str, Any] = {"fixed": True} if fixed else self.holds.held(part.name).entry
@@ -1516,7 +1520,13 @@ class TaskWriter:
         if has_proper_edges(*mesh) and len(vertices_m) <= MAX_CORNERS:
             return (mesh,)
         rounded = np.round(vertices_m, _DECIMALS)
-        healed = simplify_mesh(rounded, part.triangles, self._get_mesh_error_m(part))
+        tolerance_m = self.relation.tolerance_m
+        error_m = tolerance_m / 2 if len(vertices_m) > MAX_CORNERS else _HEALED_M
+        healed = simplify_mesh(rounded, part.triangles, error_m)
+        while len(healed[0]) > MAX_CORNERS and error_m < _COARSEST * tolerance_m:
+            error_m *= 2
+            healed = simplify_mesh(rounded, part.triangles, error_m)
+        self.shared.errors_m[part.name] = error_m
         if has_proper_edges(*healed):
             return (healed,)
         bodies = split_bodies(rounded, part.triangles)
@@ -1524,10 +1534,6 @@ class TaskWriter:
             return tuple(bodies)
         parted = part_touching_corners(*healed, _HEALED_M), healed[1]
         return (parted if has_proper_edges(*parted) else mesh,)
-
-    def _get_mesh_error_m(self, part: Part) -> float:
-        is_large = len(part.vertices_m) > MAX_CORNERS
-        return self.relation.tolerance_m / 2 if is_large else _HEALED_M
 
     def _add_meshes(self, name: str, meshes: Meshes, files: dict[str, str]) -> list[dict[str, Any]]:
         """Add the meshes of a part to the files, and return their entries."""
