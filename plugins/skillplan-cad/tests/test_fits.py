@@ -322,6 +322,8 @@ def test_thin_pins_in_a_board_without_holes_are_a_fit_if_the_part_comes_straight
         board = relieved.parts[product.index("board")]
         drilled = trimesh.Trimesh(board.vertices_m, board.triangles)
         assert 3.6e-6 - drilled.volume == pytest.approx(result.fit.volume_m3, rel=1e-3)
+        ((name, (words,)),) = list_thinned(product, joints, TOLERANCE_M, relieved).items()
+        assert (name, words.split()[1:4]) == ("board", ["drawn", "without", "holes"])
 
 
 def test_an_overlap_has_its_own_centre_and_depth_beside_faces_that_coincide(tmp_path, read_contact):

@@ -307,11 +307,15 @@ def restore_replay(content: bytes) -> Replay:
     return _REPLAY.validate_json(content)
 
 
+# How the shape of a part differs from the drawing, by the kind of its fit.
 _LOOSE = (
     f"is written with {PLAY_M * 1000:g} mm of play in its press fits, as no back end presses parts "
     "together"
 )
-_CUT_BACK = "is drawn sunk in a part that it sits on, and is written without this overlap"
+_CHANGES = {
+    "sunk": "is drawn sunk in a part that it sits on, and is written without this overlap",
+    "pins in solid": "is drawn without holes for the pins of other parts, and is written with them",
+}
 # Reasons why no way out of a part was searched, by the outcome.
 _NOT_EXAMINED = {
     "not searched": "was not examined in time",
@@ -511,7 +515,7 @@ def _write_task(
 def list_thinned(
     product: Product, joints: Joints, tolerance_m: float, loose: Product
 ) -> dict[str, tuple[str, ...]]:
-    """Return clauses on the parts that are thinner than drawn: in press fits, in their seats.
+    """Return clauses on the parts that have less material than drawn, by name.
 
     Parameters
     ----------
@@ -521,7 +525,7 @@ def list_thinned(
     contacts_of: dict[str, list[Contact]] = {}
     for contact in joints.contacts:
         if contact.fit is not None and contact.kind != "thread":
-            words = _CUT_BACK if contact.fit.kind == "sunk" else _LOOSE
+            words = _CHANGES.get(contact.fit.kind, _LOOSE)
             contacts_of.setdefault(words, []).append(contact)
     remarks: dict[str, tuple[str, ...]] = {}
     for words, contacts in contacts_of.items():

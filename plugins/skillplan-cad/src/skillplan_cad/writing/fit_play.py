@@ -172,7 +172,7 @@ class FitPlay:
         self.waists_m: dict[tuple[str, str], float] = {}
         shafts = {frozenset((inner, outer)): inner for inner, outer, _ in drawn[: len(fits)]}
         for pair, fit in fitted:
-            if fit.kind != "sunk":
+            if fit.kind not in ("sunk", "pins in solid"):
                 smaller = min(sorted(pair), key=lambda name: self._product.part(name).volume_m3)
                 thinner = shafts.get(pair, smaller)
                 (other,) = pair - {thinner}
