@@ -406,7 +406,7 @@ def _measure_section(section: Any) -> tuple[float, float]:
         float(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1).sum()) for ring in rings
     )
     area_mm2 = float(section.area())
-    is_fin = 4 * np.pi * area_mm2 < _ROUND * ring_mm**2
+    is_fin = 4 * np.pi * area_mm2 <= _ROUND * ring_mm**2
     return area_mm2, np.inf if is_fin else 4 * area_mm2 / ring_mm
 
 
