@@ -52,10 +52,14 @@ _FILM_MM = 1e-3
 _SHEER_MM = 0.02
 # Share of a gap's volume in front of the faces that border it.
 _BORDERED = 0.9
+# Width of a gap, in thicknesses, above which it is a slice of a hollow.
+_LID = 4
 # Largest number of products of points or faces with directions in one array.
 _MOST_PRODUCTS = 2_000_000
 # Share of the excess volume above which gaps are halved instead.
 _WORTH = 0.6
+# Extent of a gap, as a share of its greatest, below which it is not halved across.
+_THIN = 1 / 16
 _LEAST_SHARE = 1e-3
 # Weights that encode three coordinates from -1000 to 1000 as one number.
 _PLACES = np.array([10**8, 10**4, 1])
@@ -255,8 +259,14 @@ def _find_worst_gap(
                 reach = 2 * measure_thickness(jaw) / _TO_MM / width_m
                 excess = max(excess, _SECOND * reach if reach > 1 else 0.0)
         sides_mm = np.ptp(np.reshape(gap.bounding_box(), (2, 3)), axis=0)
-        if max(excess, worst) < float(np.linalg.norm(sides_mm)) / _TO_MM / allowed_m:
-            excess = max(excess, _measure_width(gap, hull) / _TO_MM / allowed_m)
+        most = float(np.linalg.norm(sides_mm)) / _TO_MM / allowed_m
+        is_in_way = bool(space) and excess < _FIRST
+        if max(excess, worst / _FIRST if is_in_way else worst) < most:
+            width_mm = _measure_width(gap, hull)
+            excess = max(excess, width_mm / _TO_MM / allowed_m)
+            # A lid over a hole is thin, but no wall is behind it.
+            if is_in_way and excess > 1 and width_mm > _LID * 2 * measure_thickness(gap):
+                excess *= _FIRST
         if excess > worst:
             worst, where = excess, gap
     return worst, where
@@ -334,7 +344,11 @@ def _cut(
             return halves
     added, halves_best = _find_best_cut(body, planes)
     if added > _WORTH * wholes:
-        middles = [_build_plane(axis, (low + high) / 2) for axis, low, high in ends]
+        # Half of a sheet has all of its outline again.
+        least = _THIN * max(high - low for _, low, high in ends)
+        middles = [
+            _build_plane(axis, (low + high) / 2) for axis, low, high in ends if high - low >= least
+        ]
         less, other = _find_best_cut(body, middles)
         halves_best = (
             other if other is not None and less < added * (1 - _LEAST_SHARE) else halves_best
