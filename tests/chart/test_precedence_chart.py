@@ -361,6 +361,28 @@ def test_a_part_that_cannot_follow_a_known_order_is_left_out_and_none_of_that_or
     assert set(order.conflicts) == {"roof_front"}
 
 
+def test_after_a_known_order_no_more_parts_are_left_out_than_need_be():
+    """The car goes in before either roof, of which there is room for one."""
+    task = garage()
+    names = ("roof_front", "roof_back")
+    both = task.facts.of("placed(roof_front)") | task.facts.of("placed(roof_back)")
+
+    def answer(skill, state):
+        for name in names:
+            fact = f"placed({name})"
+            if skill.kind == "place" and name not in skill.name and fact in state:
+                there = task.facts.of(fact)
+                return Verdict.infeasible(f"runs into {name}", there, task.facts.none)
+        return Verdict.feasible(both & state, both - state)
+
+    feasibility = Feasibility(task, [fake_back_end(task, answer)])
+    known = ("post_left", "post_right")
+    listed = (*known, "roof_front", "roof_back", "car")
+    order = find_order(task, feasibility, listed, {}, kept=known)
+    (name,) = order.conflicts
+    assert order.parts == (*known, "car", *{*names} - {name})
+
+
 def test_a_part_that_leans_on_another_goes_in_after_it_and_before_its_roof():
     """Both are absent where it falls, and with both of them it does not go in."""
     task = garage()

@@ -140,10 +140,11 @@ class _OrderSearch:
         try:
             order = self._place_all()
             if self._kept and not {*self._kept} & {*self._alive} - {*order}:
-                if len(order) < len(self._alive):
-                    order = self._take_after_kept(order)
-                order, conflicts = self._follow(order)
-                return Order(tuple(order), self._list_skills(order), conflicts)
+                if len(order) == len(self._alive) or not self._take_after_kept(
+                    order, conflicts, without, may_drop=may_drop
+                ):
+                    order, conflicts = self._follow(order)
+                return Order(tuple(order), self._list_skills(order), conflicts, tuple(without))
             count = 0
             while count < len(order) < len(self._alive):
                 # Those that failed may need others that came later, and time may end before proof.
@@ -235,16 +236,41 @@ class _OrderSearch:
         is_by_hand = f"{name} runs " not in verdict.reason
         return Conflict(words, by or tuple(sorted(others)), name, is_by_hand)
 
-    def _take_after_kept(self, order: list[str]) -> list[str]:
-        """Return an order in which all others come after the kept parts, or else the given one."""
-        others = [name for name in self._alive if name not in self._kept]
-        if any(not self._before[name].isdisjoint(others) for name in self._kept):
-            return order
-        taken, _ = self._take_apart(others, self._kept)
-        if len(taken) < len(others):
-            return order
-        self._longest[:] = [*(name for name in order if name in self._kept), *reversed(taken)]
-        return self._longest
+    def _take_after_kept(
+        self,
+        order: list[str],
+        conflicts: dict[str, Conflict],
+        without: list[str],
+        *,
+        may_drop: bool,
+    ) -> bool:
+        """Put all others after the kept parts; return whether an order was found.
+
+        Parameters
+        ----------
+        order
+            With all kept parts; changed in place.
+        conflicts, without
+            Get the parts that are left out for it.
+        """
+        kept = [name for name in order if name in self._kept]
+        while True:
+            others = [name for name in self._alive if name not in self._kept]
+            if any(not self._before[name].isdisjoint(others) for name in kept):
+                return False
+            taken, failed = self._take_apart(others, kept)
+            if len(taken) == len(others):
+                order[:] = [*kept, *reversed(taken)]
+                return True
+            if self._learn(taken, failed):
+                continue
+            name, conflict = self._choose_dropped(taken, failed, kept)
+            if not may_drop or name in self._kept:
+                return False
+            conflicts[name] = conflict
+            gone = self._list_dependants(name) - {*kept}
+            without += sorted(gone)
+            self._leave_out({name, *gone}, taken)
 
     def _take_apart(
         self, parts: Iterable[str], firm: Collection[str] = ()
@@ -343,9 +369,15 @@ class _OrderSearch:
         return gone
 
     def _choose_dropped(
-        self, taken: Sequence[str], failed: Mapping[str, Verdict]
+        self, taken: Sequence[str], failed: Mapping[str, Verdict], firm: Collection[str] = ()
     ) -> tuple[str, Conflict]:
-        """Return the part without which most others can be placed, with the reason."""
+        """Return the part without which most others can be placed, with the reason.
+
+        Parameters
+        ----------
+        firm
+            See `_take_apart`.
+        """
         rest = [name for name in self._alive if name not in taken]
         if not failed:
             # They wait for each other.
@@ -363,8 +395,8 @@ class _OrderSearch:
         lost: dict[str, int] = {}
         for name in compared:
             gone = {name, *dependants[name]}
-            left = [other for other in rest if other not in gone]
-            lost[name] = len(gone) + len(left) - len(self._take_apart(left)[0])
+            left = [other for other in rest if other not in {*gone, *firm}]
+            lost[name] = len(gone) + len(left) - len(self._take_apart(left, firm)[0])
         chosen = min(compared, key=lambda name: (lost[name], name not in failed))
         if chosen in failed:
             return chosen, self._explain(chosen, failed[chosen], rest)
