@@ -345,9 +345,11 @@ def _cut(
     added, halves_best = _find_best_cut(body, planes)
     if added > _WORTH * wholes:
         # Half of a sheet has all of its outline again.
-        least = _THIN * max(high - low for _, low, high in ends)
+        thin_mm = _THIN * max(high - low for _, low, high in ends)
         middles = [
-            _build_plane(axis, (low + high) / 2) for axis, low, high in ends if high - low >= least
+            _build_plane(axis, (low + high) / 2)
+            for axis, low, high in ends
+            if high - low >= thin_mm
         ]
         less, other = _find_best_cut(body, middles)
         halves_best = (
