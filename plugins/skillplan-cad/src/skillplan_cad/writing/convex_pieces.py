@@ -50,16 +50,15 @@ _SHEET_MM = 2e-4
 _FILM_MM = 1e-3
 # Thickness below which a body that a cut leaves is left out: the gap of a fit is wider.
 _SHEER_MM = 0.02
+# Thickness below which a body goes whose hull is in the way of other parts, which have more play,
+# and least volume that it takes of their way, as a share of its own.
+_LID_MM, _LID_SHARE = 0.05, 0.01
 # Share of a gap's volume in front of the faces that border it.
 _BORDERED = 0.9
-# Width of a gap, in thicknesses, above which it is a slice of a hollow.
-_LID = 4
 # Largest number of products of points or faces with directions in one array.
 _MOST_PRODUCTS = 2_000_000
 # Share of the excess volume above which gaps are halved instead.
 _WORTH = 0.6
-# Extent of a gap, as a share of its greatest, below which it is not halved across.
-_THIN = 1 / 16
 _LEAST_SHARE = 1e-3
 # Weights that encode three coordinates from -1000 to 1000 as one number.
 _PLACES = np.array([10**8, 10**4, 1])
@@ -121,6 +120,13 @@ def decompose_convex(
         for body in bodies:
             hull = body.hull()
             own = None if lane is None else lane.crop(hull)
+            # The hull of a sheet is a lid over the hole in it, however thin.
+            if (
+                own is not None
+                and measure_thickness(body) < _LID_MM
+                and own.solid.volume() > _LID_SHARE * body.volume()
+            ):
+                continue
             excess, gap = _find_worst_gap(hull, body, allowed_m, own)
             if excess <= 1:
                 done.append(hull)
@@ -259,14 +265,8 @@ def _find_worst_gap(
                 reach = 2 * measure_thickness(jaw) / _TO_MM / width_m
                 excess = max(excess, _SECOND * reach if reach > 1 else 0.0)
         sides_mm = np.ptp(np.reshape(gap.bounding_box(), (2, 3)), axis=0)
-        most = float(np.linalg.norm(sides_mm)) / _TO_MM / allowed_m
-        is_in_way = bool(space) and excess < _FIRST
-        if max(excess, worst / _FIRST if is_in_way else worst) < most:
-            width_mm = _measure_width(gap, hull)
-            excess = max(excess, width_mm / _TO_MM / allowed_m)
-            # A lid over a hole is thin, but no wall is behind it.
-            if is_in_way and excess > 1 and width_mm > _LID * 2 * measure_thickness(gap):
-                excess *= _FIRST
+        if max(excess, worst) < float(np.linalg.norm(sides_mm)) / _TO_MM / allowed_m:
+            excess = max(excess, _measure_width(gap, hull) / _TO_MM / allowed_m)
         if excess > worst:
             worst, where = excess, gap
     return worst, where
@@ -344,13 +344,7 @@ def _cut(
             return halves
     added, halves_best = _find_best_cut(body, planes)
     if added > _WORTH * wholes:
-        # Half of a sheet has all of its outline again.
-        thin_mm = _THIN * max(high - low for _, low, high in ends)
-        middles = [
-            _build_plane(axis, (low + high) / 2)
-            for axis, low, high in ends
-            if high - low >= thin_mm
-        ]
+        middles = [_build_plane(axis, (low + high) / 2) for axis, low, high in ends]
         less, other = _find_best_cut(body, middles)
         halves_best = (
             other if other is not None and less < added * (1 - _LEAST_SHARE) else halves_best
