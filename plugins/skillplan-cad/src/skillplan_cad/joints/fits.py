@@ -14,6 +14,7 @@ from typing import Any
 
 import manifold3d
 import numpy as np
+from numpy.typing import NDArray
 
 from skillplan.collision.contact_forces import find_axes_across
 from skillplan_cad.joints.cylinder_fits import CylinderFit, find_cylinder_fits
@@ -248,13 +249,7 @@ class _Overlap:
         solids = [
             make_solid(part.vertices_m, part.triangles).as_original() for part in (smaller, larger)
         ]
-        shared = solids[0] ^ solids[1]
-        mesh = shared.to_mesh64()
-        corners = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
-        points = corners[np.asarray(mesh.tri_verts, dtype=np.int64)]
-        normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]) / 2
-        areas_mm2 = np.linalg.norm(normals, axis=1)
-        owners = np.repeat(mesh.run_original_id, np.diff(mesh.run_index) // 3)
+        normals, areas_mm2, owners = _list_faces(solids[0] ^ solids[1])
         faces = [
             (normals[owners == solid.original_id()], areas_mm2[owners == solid.original_id()])
             for solid in solids
@@ -357,12 +352,7 @@ def _turn(solid: Any, frame: Points) -> Any:
 
 def _has_sides_of(shared: Any, owner: int, along: Points) -> bool:
     """Return whether one part has the sides of an overlap along a direction."""
-    mesh = shared.to_mesh64()
-    corners = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
-    points = corners[np.asarray(mesh.tri_verts, dtype=np.int64)]
-    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]) / 2
-    areas_mm2 = np.linalg.norm(normals, axis=1)
-    owners = np.repeat(mesh.run_original_id, np.diff(mesh.run_index) // 3)
+    normals, areas_mm2, owners = _list_faces(shared)
     is_side = np.abs(normals @ along) < _SIDE * areas_mm2
     own_mm2 = float(areas_mm2[is_side & (owners == owner)].sum())
     return own_mm2 > 0 and own_mm2 >= _OWN_SIDES * float(areas_mm2[is_side].sum())
@@ -408,6 +398,19 @@ def _measure_section(section: Any) -> tuple[float, float]:
     area_mm2 = float(section.area())
     is_fin = 4 * np.pi * area_mm2 <= _ROUND * ring_mm**2
     return area_mm2, np.inf if is_fin else 4 * area_mm2 / ring_mm
+
+
+def _list_faces(shared: Any) -> tuple[Points, Points, NDArray[np.int64]]:
+    """Return normals and areas of an overlap's triangles, and the ids of the solids they are from.
+
+    Normals are as long as the areas [mm2].
+    """
+    mesh = shared.to_mesh64()
+    points, triangles = read_solid(shared)
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    owners = np.repeat(mesh.run_original_id, np.diff(mesh.run_index) // 3).astype(np.int64)
+    return normals, np.linalg.norm(normals, axis=1), owners
 
 
 def _measure_along(normals: Points, areas_mm2: Points, others: Points, others_mm2: Points) -> float:
