@@ -133,18 +133,19 @@ class _OrderSearch:
             name: [] for name in task.operations
         }
         self._longest: list[str] = []
+        # Reasons of parts that are left out, and their dependants.
+        self._conflicts: dict[str, Conflict] = {}
+        self._without: list[str] = []
 
     def run(self, *, may_drop: bool) -> Order:
-        conflicts: dict[str, Conflict] = {}
-        without: list[str] = []
         try:
             order = self._place_all()
             if self._kept and not {*self._kept} & {*self._alive} - {*order}:
                 if len(order) == len(self._alive) or not self._take_after_kept(
-                    order, conflicts, without, may_drop=may_drop
+                    order, may_drop=may_drop
                 ):
-                    order, conflicts = self._follow(order)
-                return Order(tuple(order), self._list_skills(order), conflicts, tuple(without))
+                    order, self._conflicts = self._follow(order)
+                return self._build_order(order, self._conflicts)
             count = 0
             while count < len(order) < len(self._alive):
                 # Those that failed may need others that came later, and time may end before proof.
@@ -159,19 +160,37 @@ class _OrderSearch:
                     continue
                 if not may_drop:
                     break
-                name, conflict = self._choose_dropped(taken, failed)
-                conflicts[name] = conflict
-                gone = self._list_dependants(name)
-                without += sorted(gone)
-                self._leave_out({name, *gone}, taken)
+                gone = self._drop_one(taken, failed)
                 # A part that is left out may have held another one up.
-                order = order if not {name, *gone} & {*order} else []
+                order = order if not gone & {*order} else []
         except _Spent:
             placed = self._longest
-            missing = {name: why for name, why in conflicts.items() if name not in placed}
-            skills = self._list_skills(placed)
-            return Order(tuple(placed), skills, missing, tuple(without), ended=False)
-        return Order(tuple(order), self._list_skills(order), conflicts, tuple(without))
+            missing = {name: why for name, why in self._conflicts.items() if name not in placed}
+            return self._build_order(placed, missing, ended=False)
+        return self._build_order(order, self._conflicts)
+
+    def _build_order(
+        self, order: Sequence[str], conflicts: Mapping[str, Conflict], *, ended: bool = True
+    ) -> Order:
+        skills = self._list_skills(order)
+        return Order(tuple(order), skills, conflicts, tuple(self._without), ended)
+
+    def _drop_one(
+        self, taken: Sequence[str], failed: Mapping[str, Verdict], firm: Collection[str] = ()
+    ) -> set[str]:
+        """Leave out the part without which most others can be placed, with its dependants.
+
+        Parameters
+        ----------
+        firm
+            See `_take_apart`.
+        """
+        name, conflict = self._choose_dropped(taken, failed, firm)
+        self._conflicts[name] = conflict
+        needing = self._list_dependants(name) - {*firm}
+        self._without += sorted(needing)
+        self._leave_out({name, *needing}, taken)
+        return {name, *needing}
 
     def _leave_out(self, gone: set[str], taken: Sequence[str]) -> None:
         """Go on without some parts; those that were taken away first come last."""
@@ -236,41 +255,23 @@ class _OrderSearch:
         is_by_hand = f"{name} runs " not in verdict.reason
         return Conflict(words, by or tuple(sorted(others)), name, is_by_hand)
 
-    def _take_after_kept(
-        self,
-        order: list[str],
-        conflicts: dict[str, Conflict],
-        without: list[str],
-        *,
-        may_drop: bool,
-    ) -> bool:
-        """Put all others after the kept parts; return whether an order was found.
-
-        Parameters
-        ----------
-        order
-            With all kept parts; changed in place.
-        conflicts, without
-            Get the parts that are left out for it.
-        """
+    def _take_after_kept(self, order: list[str], *, may_drop: bool) -> bool:
+        """Put the others after the kept parts of an order, in place; return whether they can be."""
         kept = [name for name in order if name in self._kept]
+        needed = {other for name in kept for other in self._before[name]}
+        if needed - {*kept}:
+            return False
         while True:
             others = [name for name in self._alive if name not in self._kept]
-            if any(not self._before[name].isdisjoint(others) for name in kept):
-                return False
             taken, failed = self._take_apart(others, kept)
             if len(taken) == len(others):
                 order[:] = [*kept, *reversed(taken)]
                 return True
             if self._learn(taken, failed):
                 continue
-            name, conflict = self._choose_dropped(taken, failed, kept)
-            if not may_drop or name in self._kept:
+            if not may_drop:
                 return False
-            conflicts[name] = conflict
-            gone = self._list_dependants(name) - {*kept}
-            without += sorted(gone)
-            self._leave_out({name, *gone}, taken)
+            self._drop_one(taken, failed, kept)
 
     def _take_apart(
         self, parts: Iterable[str], firm: Collection[str] = ()
@@ -381,7 +382,8 @@ class _OrderSearch:
         rest = [name for name in self._alive if name not in taken]
         if not failed:
             # They wait for each other.
-            name = min(rest, key=lambda other: (len(self._list_dependants(other)), other))
+            waiting = [name for name in rest if name not in firm]
+            name = min(waiting, key=lambda other: (len(self._list_dependants(other)), other))
             by = tuple(sorted(self._before[name] & set(rest)))
             words = f"waits for {' and '.join(by)}, which waits for it"
             return name, Conflict(words, by, name, is_by_hand=False)

@@ -67,8 +67,9 @@ _TIGHT_SIDE, _ALONG = 0.3, 0.97
 # Thickest pin whose hole is not drawn: in metres, and as a share of the part's middle extent. Least
 # roundness of its section (1 for a circle, 0.5 for a rectangle of 4 to 1), share of its prism that
 # is solid, and share of its sides that the part itself has. Greatest overlap, as a share of either
-# part's volume.
-_PIN_M, _PIN, _ROUND, _PRISM, _OWN_SIDES, _PIN_VOLUME = 3e-3, 1 / 4, 0.5, 0.7, 0.9, 1 / 4
+# part's volume, and share of the overlap that may be left once the holes are there.
+_PIN_M, _PIN, _ROUND, _PRISM, _OWN_SIDES = 3e-3, 1 / 4, 0.5, 0.7, 0.9
+_PIN_VOLUME, _PIN_REST = 1 / 4, 0.02
 # Heights at which a pin is cut, and places on its way out at which it is compared, as shares;
 # greatest cosine between a side and the pin.
 _SLICES, _WAY, _SIDE = (0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99), (0, 0.05, 0.1, 0.25, 0.5, 0.75), 0.1
@@ -312,50 +313,39 @@ def drill_pins(
     """Return one of two parts with holes for the pins that the other has drawn into it, or None.
 
     All of the overlap is thin pins along one direction, along which the other part comes straight
-    off once the holes are there. Beside them it may be a little sunk.
+    off once the holes are there. That part may be a little sunk, too.
     """
     if contact.overlap_m3 > _PIN_VOLUME * min(part.volume_m3 for part in parts):
         return None
-    for pinned, block in (parts, parts[::-1]):
-        solid, mate = (
-            make_solid(part.vertices_m, part.triangles).as_original() for part in (pinned, block)
-        )
-        shared = solid ^ mate
-        limits_mm = (_PIN_M * 1e3, _PIN * float(np.median(np.ptp(pinned.vertices_m, axis=0))) * 1e3)
-        allowed_mm3 = contact.overlap_allowed_m3 * 1e9 + 0.02 * float(shared.volume())
+    solids = [make_solid(part.vertices_m, part.triangles).as_original() for part in parts]
+    shared = solids[0] ^ solids[1]
+    normals, areas_mm2, owners = _list_faces(shared)
+    allowed_mm3 = contact.overlap_allowed_m3 * 1e9 + _PIN_REST * float(shared.volume())
+    for pinned in (0, 1):
+        is_own = owners == solids[pinned].original_id()
+        middle_m = float(np.median(np.ptp(parts[pinned].vertices_m, axis=0)))
+        limit_mm = 1e3 * min(_PIN_M, _PIN * middle_m)
         for direction in directions:
             frame = _build_frame(np.asarray(direction))
-            if not _has_sides_of(shared, solid.original_id(), frame[2]):
+            is_side = np.abs(normals @ frame[2]) < _SIDE * areas_mm2
+            own_mm2, all_mm2 = (
+                float(areas_mm2[mask].sum()) for mask in (is_side & is_own, is_side)
+            )
+            if own_mm2 == 0 or own_mm2 < _OWN_SIDES * all_mm2:
                 continue
-            turned = [_turn(item, frame) for item in (shared, solid, mate)]
-            outlines = _find_pins(turned[0], min(limits_mm))
+            upright = np.column_stack([frame, np.zeros(3)])
+            outlines = _find_pins(shared.transform(upright), limit_mm)
             if outlines is None:
                 continue
-            top_mm = turned[2].bounding_box()[5] + 1
-            drilled = turned[2]
+            mover, drilled = (solids[number].transform(upright) for number in (pinned, 1 - pinned))
+            top_mm = drilled.bounding_box()[5] + 1
             for outline, low_mm in outlines:
                 drilled -= outline.extrude(top_mm - low_mm).translate((0, 0, low_mm))
-            way_mm = top_mm - turned[1].bounding_box()[2]
-            left_mm3 = (
-                float((turned[1].translate((0, 0, share * way_mm)) ^ drilled).volume())
-                for share in _WAY
-            )
-            if all(left <= allowed_mm3 for left in left_mm3):
-                return _replace_solid(block, drilled, frame, np.zeros(3))
+            way_mm = top_mm - mover.bounding_box()[2]
+            moved = (mover.translate((0, 0, share * way_mm)) for share in _WAY)
+            if all(float((there ^ drilled).volume()) <= allowed_mm3 for there in moved):
+                return _replace_solid(parts[1 - pinned], drilled, frame, np.zeros(3))
     return None
-
-
-def _turn(solid: Any, frame: Points) -> Any:
-    """Return a solid along the axes of a frame."""
-    return solid.transform(np.column_stack([frame, np.zeros(3)]))
-
-
-def _has_sides_of(shared: Any, owner: int, along: Points) -> bool:
-    """Return whether one part has the sides of an overlap along a direction."""
-    normals, areas_mm2, owners = _list_faces(shared)
-    is_side = np.abs(normals @ along) < _SIDE * areas_mm2
-    own_mm2 = float(areas_mm2[is_side & (owners == owner)].sum())
-    return own_mm2 > 0 and own_mm2 >= _OWN_SIDES * float(areas_mm2[is_side].sum())
 
 
 def _find_pins(shared: Any, limit_mm: float) -> list[tuple[Any, float]] | None:
